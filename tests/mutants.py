@@ -615,7 +615,7 @@ EVENTS = (
     ),
     Mutant(
         "dates of slip in whole steps",
-        "if not whole or length <= self.tolerance * plan.duration:",
+        "if not whole or flickers or length <= self.tolerance * plan.duration:",
         "if not whole or length <= 1e9 * plan.duration:",
         "events",
     ),

@@ -617,6 +617,7 @@ ELSEWHERE = {
     "squeezed": "test_diagnosis.py, test_nip.py",
     "tips_over": "told where nothing pulls, among what is told before a run",
     "lifted_off": "of an idler that bent strip does not touch",
+    "pulled_twice": "test_forewarnings.py",
     "standing_idlers": "test_steady.py",
     "unbalanced_idlers": "test_forewarnings.py",
     "heavy_bearings": "test_forewarnings.py",

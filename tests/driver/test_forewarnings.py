@@ -1194,3 +1194,22 @@ def test_a_narrow_band_bears_tension_all_over_its_crowned_pulley() -> None:
     assert not list(loose_fibres(preview_of(tables)))
     tables["rollers"][1]["crown"] = [0.0, -0.9]
     assert len(list(loose_fibres(preview_of(tables)))) == 1
+
+
+def test_a_force_after_a_tension_that_still_pulls_is_told() -> None:
+    """Unless the line is threaded, where the later one takes the place of the other."""
+    tables: dict[str, Any] = {
+        "strip": {"kinematics": "section", "length": 3.0, "width": 0.2, "thickness": 1e-3},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "edges": {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["z"]}},
+        "stages": [
+            {"name": "pull", "exit": {"tension": 2e4}},
+            {"name": "on", "exit": {"force": [2e4, 0.0, 0.0]}},
+        ],
+    }
+    (told,) = [line for line in warnings(preview_of(tables)) if "act both" in line]
+    assert "--set 'stages.on.exit.tension=0'" in told
+    cured = Scene.from_tables(tables, "flat", ["stages.on.exit.tension=0"])
+    assert not [line for line in warnings(Preview.of(Assembly(cured))) if "act both" in line]
+    *_, last = cured.run()
+    assert last.state.tension("entry") == pytest.approx(2e4, rel=1e-3)

@@ -179,3 +179,34 @@ def test_stick_and_slip() -> None:
     assert [e.slip for e in rubbed] == pytest.approx([corner] * len(rubbed), rel=1e-6)
     last = steps[-1].state.contacts["r"]
     assert np.linalg.norm(last.slip, axis=0)[last.touching].max() < corner
+
+
+def test_a_roller_that_few_points_touch_is_not_dated_with_every_one_that_passes() -> None:
+    """It slips and sticks as they pass: dated, these took 27 of 28 tangents."""
+    tables = {
+        "strip": {"kinematics": "section", "length": 4.0, "width": 0.5, "thickness": 5e-4},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "friction": {"coefficient": 0.3},
+        "rollers": [
+            {"name": "lift", "radius": 0.2, "centre": [0.0, 0.0, -0.21]},
+            {"name": "top", "radius": 0.1, "centre": [1.0, 0.0, 0.2], "drive": "idle",
+             "bearing": 1.0},
+        ],
+        "edges": {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["z"]}},
+        "stages": [
+            {"name": "pull", "friction": False, "duration": 1.0, "exit": {"tension": 5e3}},
+            {"name": "lift", "friction": False, "duration": 1.0,
+             "rollers": {"lift": {"move": [0.0, 0.0, 0.31]}}},
+            {"name": "turn", "duration": 0.5, "rollers": {"lift": {"angular_speed": 2.0}}},
+            {"name": "convey", "duration": 0.5, "entry": {"speed": 0.4}},
+        ],
+    }  # fmt: skip
+    tangents, flickers = [], 0
+    for events in (False, True):
+        run = Run(Scene.model_validate({**tables, "output": {"events": events}}))
+        for step in run:
+            flickers += sum(e.roller == "top" and e.point is None for e in step.events)
+        assert run.outcome.done
+        tangents.append(run.cost.expansions)
+    assert flickers > 50
+    assert tangents[1] < 2 * tangents[0]

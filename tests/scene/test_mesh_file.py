@@ -185,4 +185,4 @@ def test_small_roller_between_two_nodes_is_found() -> None:
 
 def test_centred_needs_a_node_in_the_middle() -> None:
     found = refused(Scene.model_validate(tables(length=2.0, width=0.8, cells=[4, 3])))
-    assert set(found) == {"edges.entry.centred"}
+    assert set(found) == {"strip.cells"}

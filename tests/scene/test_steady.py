@@ -963,3 +963,28 @@ def test_a_plate_too_stiff_to_wrap_its_idlers_is_set_going() -> None:
         assert abs(reading.torque) < 1e-3 * 5e4 * 2.0 * 0.15, name
         assert reading.surface_speed == pytest.approx(0.5, rel=1e-4)
         assert reading.tension_in == pytest.approx(5e4, rel=1e-3)
+
+
+@pytest.mark.parametrize(("torque", "holds"), [(300.0, True), (2000.0, False)])
+def test_no_stationary_state_has_a_speed_that_only_the_air_ends(torque: float, holds: bool) -> None:
+    """Friction takes T r W (e^(fπ/2) − 1) = 738 N m of the torque; with 2000 it ran at 8e7 m/s."""
+    tables = {
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 4e-4},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "friction": {"coefficient": 0.2},
+        "threading": {"tension": 5e3, "entry": [-1.9, 0.0, 2.0], "exit": [0.4, 0.0, -2.0]},
+        "rollers": [
+            roller("back", -1.5, 0.4, 0.4, "under"),
+            roller("pull", 0.0, -0.4, 0.4, "over", drive="torque"),
+        ],
+        "stages": [{"name": "run", "steady": True, "entry": {"tension": 5e3},
+                    "exit": {"tension": 5e3},
+                    "rollers": {"back": {"surface_speed": 1.0}, "pull": {"torque": torque}}}],
+    }  # fmt: skip
+    run = Scene.from_tables(tables, "pull.toml").run()
+    *_, last = run
+    assert run.outcome.done == holds
+    if holds:
+        assert last.state.rollers["pull"].torque == pytest.approx(torque, rel=1e-3)
+    else:
+        assert "rollers.pull.torque = 2000 N m is more than friction can t" in run.message

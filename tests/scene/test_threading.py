@@ -469,6 +469,15 @@ def test_the_side_that_is_proposed_wraps_all_rollers_well() -> None:
     assert thread is not None and thread.middle.arcs.turn.min() > np.radians(25.0)
 
 
+def test_rollers_drawn_in_another_order_than_strip_passes_them_are_told_the_right_one() -> None:
+    """The other side was proposed, which makes an absurd line."""
+    drawn = [roller("pull", 0.0, -0.4, 0.4, "over"), roller("back", -1.5, 0.4, 0.4, "under")]
+    ends = {"tension": 5e3, "entry": (-3.0, 0.0, 0.1), "exit": (0.4, 0.0, -2.0)}
+    with pytest.raises(InputError, match="of rollers in the order back, pull, as strip passes"):
+        Assembly(scene_of({"threading": ends, "rollers": drawn})).thread  # noqa: B018
+    assert Assembly(scene_of({"threading": ends, "rollers": drawn[::-1]})).thread is not None
+
+
 def test_in_a_line_along_minus_x_the_side_that_is_proposed_says_what_it_is() -> None:
     """Drawn from right to left, "over" is below: above is "right" of the travel."""
     tables = {

@@ -451,6 +451,23 @@ def slack_end(preview: Preview) -> Iterator[str]:
             )
 
 
+def pulled_twice(preview: Preview) -> Iterator[str]:
+    """Ends on which the force of one stage and the tension of another act at once."""
+    for plan, stage in zip(preview.plans, preview.stages, strict=True):
+        end = plan.controls.at(1.0)
+        for name, typed in stage.edges.items():
+            force = float(np.linalg.norm(end.get(f"{name}.force", 0.0)))
+            tension = float(end.get(f"{name}.tension", 0.0))
+            if 0.0 in (force, tension) or (typed.force is None) == (typed.tension is None):
+                continue
+            other = "force=[0, 0, 0]" if typed.force is None else "tension=0"
+            yield (
+                f"in stage {stage.name} {name}.force, {force:.3g} N/m, and {name}.tension, "
+                f"{tension:.3g} N/m, act both. So that the one takes the place of the other, try "
+                f"--set 'stages.{stage.name}.{name}.{other}'"
+            )
+
+
 def heavy_strip(preview: Preview) -> Iterator[str]:
     """Stages in which a span weighs more than tension or bending carries without a deep sag."""
     largest = preview.tension
@@ -705,6 +722,7 @@ OTHER_RULES = (
     slipping_friction,
     rates_of_labels,
     needless_shell,
+    pulled_twice,
     *physics.PHYSICS_RULES,
 )
 RULES_AT_END = (

@@ -159,8 +159,12 @@ RUNAWAY_SPEED = 1e3
 
 
 def has_run_away(state: State) -> bool:
-    """Return whether strip that is fed passes at a speed that no friction ends, by a length."""
-    if not state.plan.fed or abs(state.conveyed) < state.plan.model.strip.length:
+    """Return whether strip passes at a speed that no friction ends: fed strip by a length.
+
+    In a steady stage nothing is conveyed, and no stationary state has such a speed.
+    """
+    conveyed = state.plan.fed and abs(state.conveyed) >= state.plan.model.strip.length
+    if not (conveyed or state.plan.steady):
         return False
     return abs(state.strip_speed or 0.0) > RUNAWAY_SPEED * state.plan.fastest > 0.0
 

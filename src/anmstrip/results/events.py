@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
@@ -121,6 +122,14 @@ class Event:
     step: float | None = None  # of time (s), to which its date is known; None along a path
 
 
+MAX_DATED = 2
+"""Events of one roller as a whole in a step, at most, that are dated by halves of it.
+
+A roller that few points touch at a time slips and sticks with every one that passes: an idle one of
+0.1 m wrapped by 6° 184 times in 0.4 m, and their dates took 27 of 28 tangents of the run.
+"""
+
+
 @dataclass
 class EventWatch:
     """The events of a run, found step after step.
@@ -195,8 +204,9 @@ class EventWatch:
         def halved(begin: State, end: State) -> tuple[Event, ...]:
             kept = deepcopy(self.watches), self.touching.copy(), self.sticking.copy()
             found, length = self._between(begin, end), end.time - begin.time
-            whole = any(event.point is None for event in found)
-            if not whole or length <= self.tolerance * plan.duration:
+            whole = Counter(event.roller for event in found if event.point is None)
+            flickers = max(whole.values(), default=0) > MAX_DATED
+            if not whole or flickers or length <= self.tolerance * plan.duration:
                 return found
             self.watches, self.touching, self.sticking = kept
             middle = state.at(begin.time + 0.5 * length, before)

@@ -545,7 +545,10 @@ def mistakes_of(
             elif place.keys[-1] in FOREIGN_KEYS and "radius" in known:
                 hint = FOREIGN_KEYS[place.keys[-1]]
             elif others := " or ".join(keys_of(model, place.keys[-1])):
-                hint += f"; or in another table, {others}"
+                stages = [stage.name for stage in stages_as_typed(data.get("stages")) if stage.name]
+                of_stage = stages and key.startswith("rollers.") and "[[stages]] rollers." in others
+                more = f", as stages.{stages[-1]}.{key}" if of_stage else ""
+                hint += f"; or in another table, {others}{more}"
             yield Mistake("", key, value, "a known key", hint)
         elif field is None:
             yield Mistake("", key, value, "a table of the scene", "[strip]")

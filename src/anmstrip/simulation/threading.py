@@ -439,6 +439,17 @@ def _sides_that_fit(scene: SceneSpec, thread: Thread) -> dict[str, str]:
     return {name: _other_side(scene, name) for name in names}
 
 
+def _order_that_fits(scene: SceneSpec, thread: Thread) -> str:
+    """Return the order of rollers, two neighbours swapped, in which their sides fit, or nothing."""
+    for k in range(len(thread.rollers) - 1):
+        order = [*range(k), k + 1, k, *range(k + 2, len(thread.rollers))]
+        rollers = [thread.rollers[j] for j in order]
+        with suppress(NotTouchedError, NoTangentError, InputError):
+            _with_ends(scene, replace(thread, rollers=rollers, senses=thread.senses[order]))
+            return ", ".join(roller.name for roller in rollers)
+    return ""
+
+
 def _other_side(scene: SceneSpec, name: str) -> str:
     """Return the other side of a roller, "left" or "right" in a line that runs along −x.
 
@@ -465,6 +476,8 @@ def _refused(scene: SceneSpec, thread: Thread, error: ValueError) -> InputError:
         hint = f'wrap = "{_other_side(scene, names[index])}"'
         if fitting and set(fitting) != {names[index]}:
             hint = "wrap = " + ", ".join(f'"{new}" of {name}' for name, new in fitting.items())
+        if order := _order_that_fits(scene, thread):
+            hint = f"the tables of rollers in the order {order}, as strip passes them, or {hint}"
         for other in scene.rollers:
             if other.wrap is None and 0.0 <= _room(own, other) <= scene.strip.thickness:
                 hint = f"no wrap: the strip passes between it and {other.name}, or {hint}"
