@@ -222,7 +222,7 @@ class SeveralRollers(Roller):
 
     @cached_property
     def crown(self) -> tuple[Any, ...]:
-        """c_1, c_2, … of all points' rollers, 0 where one has fewer."""
+        """Coefficients c_1, c_2, … of all points' rollers, 0 where one has fewer."""
         crowns = zip_longest(*(roller.crown for roller in self.several), fillvalue=0.0)
         return tuple(self.of(each) for each in crowns)
 
