@@ -542,7 +542,7 @@ class Onset:
 
     @cached_property
     def span(self) -> tuple[str, str] | None:
-        """What is before and behind the free span in which the mode is highest."""
+        """Names of what is before and behind the free span in which the mode is highest."""
         x = self.state.plan.model.strip.nodes[0, self.highest]
         spans = (s for s in free_spans(self.state) if s.start <= x <= s.end)
         return next(((s.before, s.after) for s in spans), None)
