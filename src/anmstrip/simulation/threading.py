@@ -476,7 +476,7 @@ def _refused(scene: SceneSpec, thread: Thread, error: ValueError) -> InputError:
         hint = f'wrap = "{_other_side(scene, names[index])}"'
         if fitting and set(fitting) != {names[index]}:
             hint = "wrap = " + ", ".join(f'"{new}" of {name}' for name, new in fitting.items())
-        if order := _order_that_fits(scene, thread):
+        if turn < -0.5 * np.pi and (order := _order_that_fits(scene, thread)):  # it doubles back
             hint = f"the tables of rollers in the order {order}, as strip passes them, or {hint}"
         for other in scene.rollers:
             if other.wrap is None and 0.0 <= _room(own, other) <= scene.strip.thickness:
