@@ -423,8 +423,9 @@ def map_command(scene: Scene, along: tuple[str, ...], directory: Path, quiet: bo
 
     made = OperatingMap(scene, along, directory)
     try:
-        for _ in made if quiet else show_progress(made, lambda step: step.words):
-            pass
+        with interruptions():
+            for _ in made if quiet else show_progress(made, lambda step: step.words):
+                pass
     except KeyboardInterrupt:
         made.interrupted()
     click.echo(made.message)
@@ -617,7 +618,7 @@ def run_study(study: Sweep, workers: int | None, scheduler: str | None, quiet: b
         count = min(workers or CPU_COUNT, left)
         farm = local_workers(count) if scheduler is None else remote_workers(scheduler)
     try:
-        with farm as client:
+        with interruptions(), farm as client:
             ended = study.run(client) if left else ()
             for _ in ended if quiet else show_progress(ended, str, interval=0.0):
                 pass

@@ -210,6 +210,25 @@ def test_a_scheduler_that_is_not_there(
 
 
 @pytest.mark.slow
+def test_sigterm_interrupts_a_sweep_as_ctrl_c_does(
+    monkeypatch: pytest.MonkeyPatch, pull: Path, tmp_path: Path
+) -> None:
+    """It says how to go on; it died without a word."""
+
+    whole = Sweep.run
+
+    def stopped(study: Sweep, client: Any) -> Any:
+        for words in whole(study, client):
+            os.kill(os.getpid(), signal.SIGTERM)
+            yield words
+
+    monkeypatch.setattr(Sweep, "run", stopped)
+    told = typed(pull, "-o", tmp_path / "out", "--vary", "strip.length=1,2", "--workers", 1)
+    assert told.exit_code == 1
+    assert "Interrupted. Next: the same command, which goes on from here." in told.stdout
+
+
+@pytest.mark.slow
 def test_on_workers(pull: Path, tmp_path: Path) -> None:
     """By the command, with dask's processes: rows are what run writes, in their order."""
     out = tmp_path / "out"
