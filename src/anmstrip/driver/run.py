@@ -522,7 +522,8 @@ class Run:
             own = (roller.friction is not None for roller in self.scene.rollers)
             hanging = self.assembly.hanging(state.plan)
             with suppress(SingularTangentError):
-                facts["sensitivities"] = sensitivities(state, own, hanging)
+                found = sensitivities(state, own, hanging)
+                facts["sensitivities"] = {self.scene.as_typed(k): v for k, v in found.items()}
         if wrinkling is not None:
             assert self.recorder is not None
             height, spacing = wrinkling.wave(self.recorder.surface) or (None, None)
