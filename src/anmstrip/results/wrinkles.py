@@ -630,6 +630,8 @@ class WrinkleWatch:
         Lowest factor, where it was looked at last.
     shares : dict
         Compression of the spans over what they bear, there.
+    looked : tuple of State, ndarray and ndarray, or None
+        The state there, with its factors and modes.
     missed : int
         States in which the modes were not found.
     """
@@ -639,8 +641,7 @@ class WrinkleWatch:
         self.plan: StageProblem | None = None
         self.factors, self.lowest, self.missed = np.zeros(0), 0.0, 0
         self.shares: dict[tuple[str, str], float] = {}
-        self.told: State | None = None
-        self.found: dict[tuple[str, str] | None, float] = {}
+        self.looked: tuple[State, Array, Array] | None = None
 
     def growth(self, shares: dict[tuple[str, str], float]) -> float:
         """Return how many times what presses any span grew since it was looked at; 0 if none is."""
@@ -655,13 +656,14 @@ class WrinkleWatch:
         """
         if self.plan is not state.plan or not self.growth(pressed_shares(state)):
             return {}
-        if self.told is not state:
-            self.told, self.found = state, {}
-            factors, modes = self._modes(state)
-            for factor, mode in zip(factors, modes.T, strict=True):
-                span = Onset(state, mode_heights(state, mode), WAVES).span
-                self.found.setdefault(span, float(factor))
-        return self.found
+        if self.looked is None or self.looked[0] is not state:
+            self.looked = state, *self._modes(state)
+        _, factors, modes = self.looked
+        found: dict[tuple[str, str] | None, float] = {}
+        for factor, mode in zip(factors, modes.T, strict=True):
+            span = Onset(state, mode_heights(state, mode), WAVES).span
+            found.setdefault(span, float(factor))
+        return found
 
     def during(self, state: State) -> list[Onset]:
         """Return the onsets on the branch that ends in a state, in their order.
@@ -687,6 +689,7 @@ class WrinkleWatch:
         before = self.factors if looked else at(0.0)[0]
         self.factors = ahead
         self.lowest, self.shares = float(ahead.min(initial=np.inf)), shares
+        self.looked = state, *at(length)
         found = []
         for level, kind in DATED_FACTORS.items():
             counts = [int((factors < level).sum()) for factors in (before, self.factors)]
