@@ -22,13 +22,12 @@ from anmstrip.continuation.bifurcations import (
     switch_branch,
     watch_singular_points,
 )
-from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings, follow
+from anmstrip.continuation.path import Cost
 from anmstrip.equilibrium import Equilibrium, Model
-from anmstrip.fem.constraints import Scales, Supports, simple_support, symmetry
 from anmstrip.fem.geometry import reference_surface
 from anmstrip.fem.operators import Pattern
-from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.fem.strip import Material, Scales, Strip, Supports, grid, simple_support, symmetry
 from anmstrip.linalg.solvers import Remembering, SparseSolver
 from anmstrip.mechanics.effects import Controls, LoadEffect
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane

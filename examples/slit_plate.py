@@ -13,13 +13,12 @@ import argparse
 
 import numpy as np
 
-from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings, follow
+from anmstrip.continuation.path import Cost
 from anmstrip.equilibrium import Equilibrium, Model
-from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.geometry import reference_surface
 from anmstrip.fem.operators import Pattern
-from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.fem.strip import Material, Scales, Strip, Supports, grid
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.loads import edge_force

@@ -16,12 +16,11 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from anmstrip.continuation.bifurcations import SingularPoint, switch_branch, watch_singular_points
-from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings, follow
+from anmstrip.continuation.path import Cost
 from anmstrip.equilibrium import Equilibrium, Model
-from anmstrip.fem.constraints import Scales, Supports, grip, symmetry
 from anmstrip.fem.operators import Pattern
-from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.fem.strip import Material, Scales, Strip, Supports, grid, grip, symmetry
 from anmstrip.linalg.solvers import Remembering, SparseSolver
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.shell import Membrane, isometric_bending

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from anmstrip.continuation.equations import Equations
+from anmstrip.continuation.path import Equations
 from anmstrip.taylor.series import RecordedFunction
 from anmstrip.timestepping.index_one import TracedRecurrence
 

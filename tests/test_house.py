@@ -29,7 +29,6 @@ FLOORS = (
     ("advice",),
     ("driver",),
     ("paper",),
-    ("sweep",),
     ("cli",),
     ("__main__",),
 )

@@ -10,10 +10,9 @@ from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.driver.scene import Scene
 from anmstrip.equilibrium import Equilibrium, Model, Motion
-from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.sampling import ContactOperator
-from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.fem.strip import Material, Scales, Strip, Supports, grid
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.contact import Contact, Friction
 from anmstrip.mechanics.effects import Controls, add_force

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from anmstrip.continuation.equations import PathStopped
+from anmstrip.continuation.path import PathStopped
 from anmstrip.paper.cases import WRITTEN_ROWS, distances, solve_case
 from anmstrip.paper.mass_spring import CASES, MassSpring, Reference, reference_solution
 from figures import Measured, crossed, curves, measured, patiently, plotted, sheet, work_precision

@@ -17,7 +17,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from anmstrip.continuation.equations import PathStopped
+from anmstrip.continuation.path import PathStopped
 from anmstrip.driver.scene import Scene
 from anmstrip.paper.cases import solve_case
 from anmstrip.paper.mass_spring import CASES
@@ -30,12 +30,12 @@ MARCH = "anmstrip.simulation.march"
 
 REMOVED: tuple[tuple[str, str, Any], ...] = (
     (MARCH, "FIRST_STEP", 1.0),
-    (f"{CONTINUATION}.equations", "NEGLIGIBLE_SHARE", 0.1),
+    (f"{CONTINUATION}.path", "NEGLIGIBLE_SHARE", 0.1),
     (f"{CONTINUATION}.newton", "WIDEST_FRICTION", 1.0),
     (f"{CONTINUATION}.expansion", "SIGNIFICANT_SHARE", 0.5),
-    (f"{CONTINUATION}.validity", "LENGTH_RATIO", 1.0001),
-    (f"{CONTINUATION}.validity", "MATCHED_ORDERS", 1),
-    (f"{CONTINUATION}.validity", "LONGEST_QUOTIENT", 2.0),
+    (f"{CONTINUATION}.expansion", "LENGTH_RATIO", 1.0001),
+    (f"{CONTINUATION}.expansion", "MATCHED_ORDERS", 1),
+    (f"{CONTINUATION}.expansion", "LONGEST_QUOTIENT", 2.0),
     (TIME, "STEP_GROWTH", (np.inf,) * 5),
     (TIME, "SHORTEST_BRANCH", 1e-6),
     (TIME, "MIN_ERROR_SHARE", 0.0),
@@ -93,8 +93,8 @@ ELSEWHERE = {
 """What the other constants of the modules of a step in time are for."""
 
 MODULES = (
-    *(f"{CONTINUATION}.{name}" for name in ("equations", "expansion", "follow", "newton", "path")),
-    *(f"{CONTINUATION}.validity", TIME, "anmstrip.timestepping.formulas", MARCH),
+    *(f"{CONTINUATION}.{name}" for name in ("expansion", "follow", "newton", "path")),
+    *(TIME, "anmstrip.timestepping.formulas", MARCH),
 )
 """Modules that a step in time passes through."""
 

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.expansion import Parameter, expand
+from anmstrip.continuation.path import Cost
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.equilibrium import Equilibrium, Motion

@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings, follow
+from anmstrip.continuation.path import Cost
 from anmstrip.driver.run import Run
 from anmstrip.linalg.solvers import SparseSolver
 from cantilever import LENGTH, cantilever, elastica, tip

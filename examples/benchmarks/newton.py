@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from anmstrip.continuation.equations import Cost, Outcome
 from anmstrip.continuation.follow import PathSolver, Settings, follow
 from anmstrip.continuation.newton import LoadSteps, NewtonPath
+from anmstrip.continuation.path import Cost, Outcome
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.linalg.solvers import SparseSolver

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.continuation.equations import Cost, Equations, Outcome, PathStopped, Recurrence, inner
 from anmstrip.continuation.follow import Pace, PathStep, Settings, follow
 from anmstrip.continuation.newton import Corrected, Corrections, Newton, straight_step
+from anmstrip.continuation.path import Cost, Equations, Outcome, PathStopped, Recurrence, inner
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.fem.operators import Blocks, Pattern
 from anmstrip.fem.sampling import remember

@@ -9,8 +9,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings, follow
+from anmstrip.continuation.path import Cost
 from anmstrip.driver.scene import Scene
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.scene.tables import SolverSpec

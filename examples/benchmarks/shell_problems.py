@@ -15,15 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.continuation.bifurcations import SingularPoint, watch_singular_points
-from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import PathStep, Settings, follow
 from anmstrip.continuation.newton import Corrected
-from anmstrip.continuation.path import Path
+from anmstrip.continuation.path import Cost, Path
 from anmstrip.equilibrium import Equilibrium, Model
-from anmstrip.fem.constraints import Scales, Supports, simple_support, symmetry
 from anmstrip.fem.geometry import reference_surface
 from anmstrip.fem.operators import Pattern
-from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.fem.strip import Material, Scales, Strip, Supports, grid, simple_support, symmetry
 from anmstrip.linalg.solvers import Remembering, SparseSolver
 from anmstrip.mechanics.effects import Controls, Effect, LoadEffect
 from anmstrip.mechanics.loads import edge_force, edge_moment

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.expansion import Parameter, expand
+from anmstrip.continuation.path import Cost
 from anmstrip.driver.run import Run
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.linalg.direct import BandPlan, PardisoPlan, SuperLUPlan, pardiso_is_there

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from anmstrip.continuation.equations import Cost, Tolerances
 from anmstrip.continuation.follow import Settings
+from anmstrip.continuation.path import Cost, Tolerances
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.mechanics.laws import NortonHoff
 from anmstrip.timestepping.formulas import start_memory

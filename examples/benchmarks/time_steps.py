@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings
+from anmstrip.continuation.path import Cost
 from anmstrip.driver.scene import Scene
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.paper.mass_spring import Parameters, PressedPlane, Reference, reference_solution

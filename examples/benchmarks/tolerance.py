@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
-from anmstrip.continuation.equations import Cost, PathStopped
 from anmstrip.continuation.follow import Settings, follow
-from anmstrip.continuation.path import Branch, Path
+from anmstrip.continuation.path import Branch, Cost, Path, PathStopped
 from anmstrip.driver.scene import Scene
 from anmstrip.linalg.solvers import SparseSolver
 from cantilever import LENGTH, cantilever

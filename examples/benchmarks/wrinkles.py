@@ -21,12 +21,11 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from anmstrip.continuation.bifurcations import SingularPoint, switch_branch, watch_singular_points
-from anmstrip.continuation.equations import Cost, PathStopped
 from anmstrip.continuation.follow import follow
+from anmstrip.continuation.path import Cost, PathStopped
 from anmstrip.equilibrium import Equilibrium, Model
-from anmstrip.fem.constraints import Scales, Supports, grip, symmetry
 from anmstrip.fem.operators import Pattern
-from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.fem.strip import Material, Scales, Strip, Supports, grid, grip, symmetry
 from anmstrip.linalg.solvers import Remembering, SparseSolver
 from anmstrip.mechanics.effects import Controls, Effect
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending

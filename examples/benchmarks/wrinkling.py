@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq
 
-from anmstrip.continuation.equations import Outcome, PathStopped
+from anmstrip.continuation.path import Outcome, PathStopped
 from anmstrip.driver.scene import Scene
 from anmstrip.fem.operators import CellOperator
 from anmstrip.fem.sampling import quadrature_points

@@ -8,7 +8,7 @@ symbol  name                   meaning                                unit    wh
 u       displacement           of the mid-surface from the reference  m       fem.strip
 v       velocity               du/dt                                  m/s     timestepping.formulas
 a       path parameter         of a series                            1       continuation.path
-λ       control                load factor, or share of a stage       1       continuation.equations
+λ       control                load factor, or share of a stage       1       continuation.path
 N       order                  highest order of the series            1       continuation.expansion
 E, ν    young, poisson         elasticity of the material             Pa, 1   fem.strip
 t       thickness              of the strip                           m       fem.strip
@@ -41,6 +41,7 @@ _NAMES = {
     "continuation.bifurcations": "switch_branch watch_singular_points",
     "continuation.follow": "Settings follow",
     "continuation.path": "Branch Path",
+    "driver.accuracy": "Accuracy accuracy",
     "driver.run": "Run",
     "driver.scene": "Scene",
     "errors": "InputError",
@@ -53,7 +54,6 @@ _NAMES = {
     "Signorini RepulsiveSignorini GradedSignorini",
     "mechanics.plasticity": "FlowLaw",
     "mechanics.roller": "Roller",
-    "sweep.accuracy": "Accuracy accuracy",
     "taylor.series": "Series record taylor_series",
 }
 _DOORS = {name: f"anmstrip.{module}" for module, names in _NAMES.items() for name in names.split()}

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
     from anmstrip.driver.scene import Scene
     from anmstrip.driver.stationary import MapStep
+    from anmstrip.driver.sweep import Ended, Sweep
     from anmstrip.simulation.march import Step
-    from anmstrip.sweep.study import Ended, Sweep
 
 S = TypeVar("S", "Step", "Ended", "MapStep")
 
@@ -487,7 +487,7 @@ def case_command(name: str, settings: tuple[str, ...], directory: Path | None, *
     Keys of --set are the paper's symbols: k, F, delta, r, Omega, V, f, q, omega, V_c, R_N,
     zeta, R_C, K, eta, t_end.
     """
-    from anmstrip.continuation.equations import PathStopped
+    from anmstrip.continuation.path import PathStopped
     from anmstrip.paper.cases import run_case
 
     try:
@@ -595,7 +595,7 @@ def sweep_command(
         needed = 'pip install "dask[distributed]"'
         click.echo(f"anmstrip sweep shares its scenes out by dask. Type: {needed}", err=True)
         sys.exit(EXIT_INVALID)
-    from anmstrip.sweep.study import Sweep
+    from anmstrip.driver.sweep import Sweep
 
     directory = directory or Path("results", f"{scene.stem}-sweep")
     study = Sweep(scene, variations, settings, directory=directory)
@@ -609,7 +609,7 @@ def sweep_command(
 
 def run_study(study: Sweep, workers: int | None, scheduler: str | None, quiet: bool) -> str:
     """Run what is left of a study on workers, or here without dask; say what interrupted it."""
-    from anmstrip.sweep.study import local_workers, remote_workers
+    from anmstrip.driver.sweep import local_workers, remote_workers
 
     left, farm = len(study.waiting), cast("AbstractContextManager[Client | None]", nullcontext())
     if left and find_spec("distributed") is not None:
@@ -669,7 +669,7 @@ def accuracy_command(scene: Scene, along: tuple[str, ...], directory: Path, **ho
 
     Exit status: 0 all done, 1 interrupted or a scene stopped early, 2 wrong input.
     """
-    from anmstrip.sweep.accuracy import Accuracy
+    from anmstrip.driver.accuracy import Accuracy
 
     study = Accuracy(scene, along, directory=directory)
     click.echo(study.plan)

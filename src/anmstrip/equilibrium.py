@@ -12,12 +12,10 @@ import numpy as np
 from scipy.sparse import csc_matrix
 
 from anmstrip.arrays import Array, Index
-from anmstrip.continuation.equations import Timer
-from anmstrip.continuation.path import Branch
-from anmstrip.fem.constraints import Scales, Supports
+from anmstrip.continuation.path import Branch, Timer
 from anmstrip.fem.operators import Blocks, Chain, Chained, Eliminated, Pattern
 from anmstrip.fem.sampling import remember
-from anmstrip.fem.strip import Strip
+from anmstrip.fem.strip import Scales, Strip, Supports
 from anmstrip.linalg.solvers import Bordered, Condensed, Joined, Joining
 from anmstrip.mechanics.effects import (
     LAW_WIDTH,
@@ -197,7 +195,7 @@ class Model:
 
 
 class Equilibrium:
-    """R(u, λ) = 0 of the free unknowns; a :class:`~anmstrip.continuation.equations.Equations`.
+    """R(u, λ) = 0 of the free unknowns; a :class:`~anmstrip.continuation.path.Equations`.
 
     Parameters
     ----------
@@ -394,7 +392,7 @@ class Equilibrium:
 
 
 class EquilibriumSeries:
-    """Orders of R at one point; a :class:`~anmstrip.continuation.equations.Recurrence`."""
+    """Orders of R at one point; a :class:`~anmstrip.continuation.path.Recurrence`."""
 
     def __init__(self, equations: Equilibrium, u: Array, control: float, order: int) -> None:
         self.equations, self.model = equations, equations.model

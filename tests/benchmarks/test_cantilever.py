@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anmstrip.continuation.equations import Cost, Outcome, PathStopped
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.continuation.newton import LoadSteps, load_steps
+from anmstrip.continuation.path import Cost, Outcome, PathStopped
 from anmstrip.linalg.solvers import SparseSolver
 
 EXAMPLE = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "cantilever.py"))

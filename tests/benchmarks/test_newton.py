@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import follow
 from anmstrip.continuation.newton import Corrections, LoadSteps, Newton, NewtonPath, load_steps
+from anmstrip.continuation.path import Cost
 from anmstrip.driver.run import Run
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.mechanics.laws import GradedSignorini, RepulsiveSignorini

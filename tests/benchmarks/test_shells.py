@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from anmstrip.continuation.bifurcations import Kind
-from anmstrip.continuation.equations import PathStopped
+from anmstrip.continuation.path import PathStopped
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.results.vtk import read_surface
 from harness import run

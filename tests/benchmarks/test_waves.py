@@ -24,8 +24,8 @@ from skfem.helpers import ddot, sym_grad
 
 from anmstrip import Scene
 from anmstrip.continuation.bifurcations import Kind, SingularPoint, switch_branch
-from anmstrip.continuation.equations import Cost, size
 from anmstrip.continuation.follow import follow
+from anmstrip.continuation.path import Cost, size
 from anmstrip.linalg.solvers import SparseSolver
 from claims import Claim
 

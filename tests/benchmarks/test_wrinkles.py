@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from anmstrip.continuation.bifurcations import Kind
-from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import follow
+from anmstrip.continuation.path import Cost
 from anmstrip.linalg.solvers import SparseSolver
 from harness import run
 from wrinkles import CHOICES, LENGTH, THIN, Stretched, imperfect, onset, sheet_of, study, wrinkled

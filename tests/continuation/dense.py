@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anmstrip.continuation.equations import Cost, Equations
 from anmstrip.continuation.follow import Settings, follow
+from anmstrip.continuation.path import Cost, Equations
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.taylor.series import record
 

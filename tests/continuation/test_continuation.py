@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from dense import DenseEquations, coupled, followed, one
 
-from anmstrip.continuation.equations import Cost, Outcome, PathStopped
-from anmstrip.continuation.expansion import Parameter, expand
+from anmstrip.continuation.expansion import Parameter, expand, validate
 from anmstrip.continuation.follow import Pace, Settings, _nears_limit_point, follow
 from anmstrip.continuation.newton import Corrections, Newton
-from anmstrip.continuation.path import Branch
-from anmstrip.continuation.validity import validate
+from anmstrip.continuation.path import Branch, Cost, Outcome, PathStopped
 from anmstrip.linalg.solvers import DenseSolver
 
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from dense import DenseEquations, coupled, one
 
-from anmstrip.continuation.equations import Cost, inner, size
-from anmstrip.continuation.expansion import Parameter, expand
-from anmstrip.continuation.validity import guessed_range
+from anmstrip.continuation.expansion import Parameter, expand, guessed_range
+from anmstrip.continuation.path import Cost, inner, size
 from anmstrip.linalg.direct import SingularTangentError
 from anmstrip.linalg.solvers import DenseSolver
 

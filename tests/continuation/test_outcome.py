@@ -5,8 +5,8 @@ import pytest
 from dense import DenseEquations, followed, one
 from scipy.sparse import csc_matrix
 
-from anmstrip.continuation.equations import Evidence, Outcome, PathStopped
 from anmstrip.continuation.follow import Settings, follow
+from anmstrip.continuation.path import Evidence, Outcome, PathStopped
 from anmstrip.linalg.direct import NonFiniteTangentError, SingularTangentError
 from anmstrip.linalg.solvers import DenseSolver, SparseSolver
 from anmstrip.timestepping import formulas as backward_differences

@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 from dense import DenseEquations, followed
 
-from anmstrip.continuation.equations import Cost
-from anmstrip.continuation.expansion import Parameter, expand
-from anmstrip.continuation.path import Branch
-from anmstrip.continuation.validity import as_quotient, coordinates, longest_quotient
+from anmstrip.continuation.expansion import (
+    Parameter,
+    as_quotient,
+    coordinates,
+    expand,
+    longest_quotient,
+)
+from anmstrip.continuation.path import Branch, Cost
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.taylor.polynomials import roots_within
 
@@ -89,7 +93,7 @@ def test_it_does_not_leap_over_a_pole(monkeypatch):
     factor = np.array([1.0, -0.5, 0.0, 0.0, 0.0])
     product = np.convolve(factor, branch.control)[:5]
     candidate = Branch(np.tile(product[:, None], 5), product, 0.5, np.zeros(5), denominator=factor)
-    monkeypatch.setattr("anmstrip.continuation.validity.as_quotient", lambda *_: candidate)
+    monkeypatch.setattr("anmstrip.continuation.expansion.as_quotient", lambda *_: candidate)
     found, _ = longest_quotient(equations, branch, 1e-6, 10.0, Cost())
     assert 1.5 < found.length < 2.0
 

@@ -10,11 +10,15 @@ from anmstrip.continuation.bifurcations import (
     switch_branch,
     watch_singular_points,
 )
-from anmstrip.continuation.equations import Cost, Outcome, PathStopped, size
-from anmstrip.continuation.expansion import Parameter, expand
+from anmstrip.continuation.expansion import (
+    Parameter,
+    expand,
+    progression,
+    validate,
+    without_progression,
+)
 from anmstrip.continuation.follow import Pace, Settings, follow
-from anmstrip.continuation.path import Branch
-from anmstrip.continuation.validity import progression, validate, without_progression
+from anmstrip.continuation.path import Branch, Cost, Outcome, PathStopped, size
 from anmstrip.linalg.solvers import DenseSolver, Remembering
 
 FOLD = 2.0 / 3.0**1.5

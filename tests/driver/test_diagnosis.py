@@ -16,7 +16,7 @@ import pytest
 
 from test_forewarnings import BRIDLE
 
-from anmstrip.continuation.equations import Evidence, NO_EVIDENCE, Outcome, PathStopped
+from anmstrip.continuation.path import Evidence, NO_EVIDENCE, Outcome, PathStopped
 from anmstrip.driver import budget
 from anmstrip.advice.diagnosis import Failure, diagnosis, forewarned, slack
 from anmstrip.driver.explain import report

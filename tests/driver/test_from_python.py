@@ -10,7 +10,7 @@ import pytest
 
 import anmstrip
 from anmstrip import InputError, Scene
-from anmstrip.continuation.equations import Outcome
+from anmstrip.continuation.path import Outcome
 from anmstrip.driver.recorder import history_row
 from anmstrip.results.files import read_history
 

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings, follow
-from anmstrip.continuation.path import Path
+from anmstrip.continuation.path import Cost, Path
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.mechanics.laws import FrictionLaw, NortonHoff, RepulsiveSignorini, Signorini
 from anmstrip.paper.cases import solve_case

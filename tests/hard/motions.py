@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.continuation.equations import Cost, PathStopped, Tolerances
 from anmstrip.continuation.follow import Settings
+from anmstrip.continuation.path import Cost, PathStopped, Tolerances
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.timestepping import formulas as backward_differences
 from anmstrip.timestepping import implicit as implicit_dae

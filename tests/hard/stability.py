@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from anmstrip.continuation.equations import PathStopped
+from anmstrip.continuation.path import PathStopped
 from anmstrip.mechanics.laws import NortonHoff, Tanh
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import hard_nodes as nodes
-from anmstrip.continuation.equations import PathStopped
 from anmstrip.continuation.follow import Settings
+from anmstrip.continuation.path import PathStopped
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.mechanics.laws import NortonHoff, Tanh
 from anmstrip.paper.cases import solve_case

@@ -3,11 +3,10 @@
 import numpy as np
 
 from anmstrip.equilibrium import Equilibrium, Model
-from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.geometry import KINEMATICS
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.sampling import ContactOperator, SlopeOperator
-from anmstrip.fem.strip import Material, Strip, grid, line
+from anmstrip.fem.strip import Material, Scales, Strip, Supports, grid, line
 from anmstrip.mechanics.contact import Contact, Friction
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.laws import NortonHoff, RepulsiveSignorini

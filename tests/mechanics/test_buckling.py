@@ -7,10 +7,9 @@ import pytest
 from scipy.sparse import csc_matrix, csr_matrix, diags
 
 from anmstrip.equilibrium import Equilibrium, Model
-from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.sampling import l2_projection, quadrature_points
-from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.fem.strip import Material, Scales, Strip, Supports, grid
 from anmstrip.linalg.solvers import Bordered, SparseSolver
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.shell import Membrane, isometric_bending

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from anmstrip.equilibrium import Equilibrium, Model
-from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Pattern
-from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.fem.strip import Material, Scales, Strip, Supports, grid
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.loads import edge_force, weight
 from anmstrip.mechanics.shell import Membrane, isometric_bending, plane_stress

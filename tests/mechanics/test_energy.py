@@ -12,10 +12,9 @@ from skfem import MeshTri
 
 from anmstrip.driver.scene import Scene
 from anmstrip.equilibrium import Equilibrium, Model
-from anmstrip.fem.constraints import Scales, Supports, simple_support
 from anmstrip.fem.geometry import PLATE
 from anmstrip.fem.operators import Pattern
-from anmstrip.fem.strip import Material, Strip
+from anmstrip.fem.strip import Material, Scales, Strip, Supports, simple_support
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.loads import pressure
 from anmstrip.mechanics.shell import isometric_bending

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from anmstrip.fem.constraints import simple_support, symmetry
 from anmstrip.fem.geometry import reference_surface
 from anmstrip.fem.operators import Pattern
-from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.fem.strip import Material, Strip, grid, simple_support, symmetry
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.loads import edge_force, edge_moment, pressure, weight
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending

@@ -5,9 +5,9 @@ import pytest
 
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.equilibrium import Equilibrium, Model
-from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.geometry import SECTION
 from anmstrip.fem.operators import CellOperator, Pattern
+from anmstrip.fem.strip import Scales, Supports
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.loads import Pretension, edge_force, edge_tension, pressure, weight

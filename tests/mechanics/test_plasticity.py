@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from anmstrip.continuation.equations import Cost, Tolerances
 from anmstrip.continuation.follow import Settings
+from anmstrip.continuation.path import Cost, Tolerances
 from anmstrip.equilibrium import Equilibrium, Model, Motion
-from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.geometry import SECTION, SHELL
 from anmstrip.fem.operators import InternalOperator, Layers, Pattern, upwind_differences
-from anmstrip.fem.strip import Material, Strip, grid, line
+from anmstrip.fem.strip import Material, Scales, Strip, Supports, grid, line
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.loads import edge_force

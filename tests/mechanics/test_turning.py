@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from anmstrip.equilibrium import Equilibrium, Model
-from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.sampling import ContactOperator, SlopeOperator
+from anmstrip.fem.strip import Scales, Supports
 from anmstrip.mechanics.contact import Contact, Friction
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.roller import Roller, combine

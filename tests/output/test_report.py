@@ -12,11 +12,11 @@ import pytest
 from click.testing import CliRunner
 
 from anmstrip.cli import main
+from anmstrip.driver.sweep import Sweep
 from anmstrip.errors import InputError
 from anmstrip.pictures.report import MAX_TIMES, PLOT_DIGITS, html_tables, write_report
 from anmstrip.results.files import read_history
 from anmstrip.results.vtk import read_surface
-from anmstrip.sweep.study import Sweep
 from browser import shown
 
 SCENE = Path(__file__).parents[2] / "examples" / "capstan.toml"

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anmstrip.continuation.equations import Cost
+from anmstrip.continuation.path import Cost
 from anmstrip.errors import InputError
 from anmstrip.mechanics.laws import NortonHoff, Tanh, cone_speed, corner_speed
 from anmstrip.paper.cases import (

@@ -17,10 +17,11 @@ from reported_files import Results, ran, rows_of
 
 from anmstrip import Scene
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import Cost, Tolerances
 from anmstrip.continuation.follow import Pace, PathStep
 from anmstrip.continuation.newton import Corrected
+from anmstrip.continuation.path import Cost, Tolerances
 from anmstrip.driver import budget
+from anmstrip.driver.accuracy import Final
 from anmstrip.driver.budget import Budget
 from anmstrip.driver.run import Run
 from anmstrip.linalg.solvers import SparseSolver
@@ -29,7 +30,6 @@ from anmstrip.results.state import State
 from anmstrip.results.wrinkles import Span
 from anmstrip.simulation.march import March
 from anmstrip.simulation.problem import Assembly
-from anmstrip.sweep.accuracy import Final
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 COARSE = "strip.refined=0.2"

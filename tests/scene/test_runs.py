@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anmstrip.continuation.equations import Outcome
+from anmstrip.continuation.path import Outcome
 from anmstrip.driver.run import Run, Step
 from anmstrip.driver.scene import Scene
 from anmstrip.results import files as checkpoint

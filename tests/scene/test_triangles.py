@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 from skfem import FacetBasis, MeshTri
 
-from anmstrip.continuation.equations import Outcome
+from anmstrip.continuation.path import Outcome
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.fem.elements import facet_normals

@@ -8,13 +8,13 @@ import pytest
 from click.testing import CliRunner, Result
 
 from anmstrip.cli import main
+from anmstrip.driver import accuracy as module
+from anmstrip.driver import sweep as sweeps
+from anmstrip.driver.accuracy import Accuracy, list_trials
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
 from anmstrip.simulation.problem import Assembly
-from anmstrip.sweep import accuracy as module
-from anmstrip.sweep import study as sweeps
-from anmstrip.sweep.accuracy import Accuracy, list_trials
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SECTION = 'strip.kinematics="section"'

@@ -19,13 +19,13 @@ from click.testing import CliRunner, Result
 
 from anmstrip import cli as command
 from anmstrip.cli import main
+from anmstrip.driver import sweep as scenes
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
+from anmstrip.driver.sweep import Sweep, folder_name, parse_variation, row_of
 from anmstrip.errors import InputError
 from anmstrip.pictures.curves import save_figure, sweep_figure
 from anmstrip.results import files as history
-from anmstrip.sweep import study as scenes
-from anmstrip.sweep.study import Sweep, folder_name, parse_variation, row_of
 
 CAPSTAN = Path(__file__).parents[2] / "examples" / "capstan.toml"
 
@@ -194,7 +194,7 @@ def test_without_dask(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 def test_a_scheduler_that_is_not_there(
     monkeypatch: pytest.MonkeyPatch, pull: Path, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("anmstrip.sweep.study.SCHEDULER_TIMEOUT", 0.2)
+    monkeypatch.setattr("anmstrip.driver.sweep.SCHEDULER_TIMEOUT", 0.2)
     ended = typed(
         pull,
         "-o",
@@ -454,7 +454,7 @@ def test_figures(varied: dict[str, list[Any]], ended: bool, tmp_path: Path) -> N
 @pytest.mark.slow
 def test_killed_workers_lose_nothing(tmp_path: Path) -> None:
     """Both workers are killed in the midst of their scenes, after one has ended."""
-    from anmstrip.sweep.study import local_workers
+    from anmstrip.driver.sweep import local_workers
 
     study = Sweep(CAPSTAN, ["friction.coefficient=0.1:0.4:4"], COARSE, directory=tmp_path / "out")
     with local_workers(workers=2) as client:

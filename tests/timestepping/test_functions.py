@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from anmstrip.continuation.equations import inner
 from anmstrip.continuation.follow import Settings, follow
+from anmstrip.continuation.path import inner
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.timestepping.formulas import AffineVelocity
 from anmstrip.timestepping.index_one import FunctionRateEquations

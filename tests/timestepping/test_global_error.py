@@ -3,8 +3,13 @@
 import numpy as np
 import pytest
 
-from anmstrip.timestepping.explicit import integrate_explicitly, join_series
-from anmstrip.timestepping.index_one import Point, estimate_error, integrate_controlled
+from anmstrip.timestepping.index_one import (
+    Point,
+    estimate_error,
+    integrate_controlled,
+    integrate_explicitly,
+    join_series,
+)
 
 
 def drift(rate):

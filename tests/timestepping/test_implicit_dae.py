@@ -6,9 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings
-from anmstrip.continuation.path import extrapolate
+from anmstrip.continuation.path import Cost, extrapolate
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.timestepping import formulas as backward_differences
 from anmstrip.timestepping import implicit as implicit_dae

@@ -3,9 +3,14 @@
 import numpy as np
 import pytest
 
-from anmstrip.continuation.equations import Cost, PathStopped
-from anmstrip.timestepping.explicit import MAX_ERROR_RATE, integrate_explicitly, join_series
-from anmstrip.timestepping.index_one import Point, find_consistent_state
+from anmstrip.continuation.path import Cost, PathStopped
+from anmstrip.timestepping.index_one import (
+    MAX_ERROR_RATE,
+    Point,
+    find_consistent_state,
+    integrate_explicitly,
+    join_series,
+)
 
 
 def decay(u, v, t):

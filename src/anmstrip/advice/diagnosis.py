@@ -30,7 +30,7 @@ from anmstrip.advice.preview import Preview, as_sentence, motions_at, unheld_wor
 from anmstrip.advice.units import typed_vector
 from anmstrip.advice.warnings import against_section, below_round_off, finer_mesh, serious, slides
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import NEGLIGIBLE_SHARE, Evidence, Outcome, PathStopped
+from anmstrip.continuation.path import NEGLIGIBLE_SHARE, Evidence, Outcome, PathStopped
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.sampling import shape_of
 from anmstrip.mechanics.shell import eigenstrain

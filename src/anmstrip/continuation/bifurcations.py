@@ -11,7 +11,10 @@ from typing import Any
 import numpy as np
 
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import (
+from anmstrip.continuation.expansion import Parameter, expand
+from anmstrip.continuation.follow import Pace, PathStep, Settings
+from anmstrip.continuation.path import (
+    Branch,
     Cost,
     Equations,
     Outcome,
@@ -20,9 +23,6 @@ from anmstrip.continuation.equations import (
     inner,
     size,
 )
-from anmstrip.continuation.expansion import Parameter, expand
-from anmstrip.continuation.follow import Pace, PathStep, Settings
-from anmstrip.continuation.path import Branch
 from anmstrip.linalg.direct import Factors
 from anmstrip.linalg.solvers import LinearSolver, Remembering
 

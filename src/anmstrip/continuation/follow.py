@@ -10,16 +10,16 @@ from typing import Literal, Protocol
 import numpy as np
 
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import Cost, Equations, Evidence, Outcome, PathStopped, size
-from anmstrip.continuation.expansion import Parameter, expand
-from anmstrip.continuation.path import Branch
-from anmstrip.continuation.validity import (
+from anmstrip.continuation.expansion import (
+    Parameter,
     excess_imbalance,
+    expand,
     longest_quotient,
     residual_error,
     validate,
     without_progression,
 )
+from anmstrip.continuation.path import Branch, Cost, Equations, Evidence, Outcome, PathStopped, size
 from anmstrip.linalg.direct import NonFiniteTangentError, SingularTangentError
 from anmstrip.linalg.solvers import LinearSolver
 

@@ -9,9 +9,16 @@ from typing import Any
 import numpy as np
 
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import Cost, Equations, Outcome, PathStopped, Recurrence
 from anmstrip.continuation.follow import Pace, PathStep, Settings
-from anmstrip.continuation.path import Branch, extrapolate
+from anmstrip.continuation.path import (
+    Branch,
+    Cost,
+    Equations,
+    Outcome,
+    PathStopped,
+    Recurrence,
+    extrapolate,
+)
 from anmstrip.linalg.direct import Factors, SingularTangentError
 from anmstrip.linalg.solvers import LinearSolver
 

@@ -1,1 +1,1 @@
-"""A run from its warnings to its outcome."""
+"""A run from its warnings to its outcome, and studies of many."""

@@ -17,7 +17,6 @@ import numpy as np
 from scipy.sparse.linalg import ArpackError
 
 from anmstrip.arrays import Array, Index
-from anmstrip.continuation.equations import Cost, Equations, Outcome, PathStopped
 from anmstrip.continuation.follow import PathStep, Settings, follow
 from anmstrip.continuation.newton import (
     ROUND_OFF_MARGIN,
@@ -28,6 +27,7 @@ from anmstrip.continuation.newton import (
     Newton,
     solve_by_narrowing,
 )
+from anmstrip.continuation.path import Cost, Equations, Outcome, PathStopped
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.fem.geometry import SHELL
 from anmstrip.fem.sampling import l2_projection

@@ -24,8 +24,8 @@ from anmstrip.advice.warnings import (
     warnings,
 )
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import Cost, Outcome, PathStopped
 from anmstrip.continuation.follow import Pace
+from anmstrip.continuation.path import Cost, Outcome, PathStopped
 from anmstrip.driver.budget import LARGE_MESH_ERROR, Budget, Part, tension_readings
 from anmstrip.driver.recorder import Recorder, history_row, identity, kept_values, read_checkpoint
 from anmstrip.equilibrium import StageProblem

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from anmstrip.continuation.equations import Outcome
+from anmstrip.continuation.path import Outcome
 from anmstrip.driver.run import Run
 from anmstrip.results.rollers import Regularisation
 from anmstrip.scene.schema import SceneSpec

@@ -16,8 +16,7 @@ from scipy.optimize import brentq
 from anmstrip.advice.diagnosis import Failure, diagnosis
 from anmstrip.advice.warnings import slides
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import Outcome, PathStopped
-from anmstrip.continuation.path import Branch
+from anmstrip.continuation.path import Branch, Outcome, PathStopped
 from anmstrip.driver.run import Run, spins_away
 from anmstrip.driver.sensitivities import response, unknown_name
 from anmstrip.equilibrium import StageProblem

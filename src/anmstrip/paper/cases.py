@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import Cost, PathStopped, Tolerances
 from anmstrip.continuation.follow import Settings
+from anmstrip.continuation.path import Cost, PathStopped, Tolerances
 from anmstrip.errors import InputError, Mistake, nearest
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.mechanics.laws import NortonHoff, cone_speed, corner_speed
@@ -37,7 +37,6 @@ from anmstrip.results.events import EVENT_KINDS
 from anmstrip.results.files import atomic_write, write_summary, write_table
 from anmstrip.taylor.polynomials import Watch, derivative_coefficients, value_at
 from anmstrip.taylor.series import recorded, taylor_series
-from anmstrip.timestepping.explicit import integrate_explicitly, join_series
 from anmstrip.timestepping.formulas import start_memory
 from anmstrip.timestepping.implicit import Stepping, integrate
 from anmstrip.timestepping.index_one import (
@@ -48,6 +47,8 @@ from anmstrip.timestepping.index_one import (
     find_consistent_state,
     instabilities,
     integrate_controlled,
+    integrate_explicitly,
+    join_series,
     join_steps,
 )
 

@@ -22,7 +22,7 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
 
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import Cost
+from anmstrip.continuation.path import Cost
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.fem.operators import Blocks, CellOperator, Pattern
 from anmstrip.fem.sampling import l2_projection, quadrature_points, shape_of

@@ -12,15 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import (
-    LARGEST_PATH_IMBALANCE,
-    NEGLIGIBLE_SHARE,
-    Cost,
-    Equations,
-    Outcome,
-    PathStopped,
-    Tolerances,
-)
 from anmstrip.continuation.follow import Pace, PathSolver, PathStep, Relaxation, Settings, follow
 from anmstrip.continuation.newton import (
     ROUND_OFF_MARGIN,
@@ -32,6 +23,15 @@ from anmstrip.continuation.newton import (
     NewtonPath,
     solve_by_narrowing,
     straight_step,
+)
+from anmstrip.continuation.path import (
+    LARGEST_PATH_IMBALANCE,
+    NEGLIGIBLE_SHARE,
+    Cost,
+    Equations,
+    Outcome,
+    PathStopped,
+    Tolerances,
 )
 from anmstrip.equilibrium import Equilibrium, Motion, StageProblem
 from anmstrip.errors import InputError

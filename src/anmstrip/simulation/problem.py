@@ -15,7 +15,6 @@ import numpy as np
 
 from anmstrip.arrays import Array
 from anmstrip.errors import InputError
-from anmstrip.fem.constraints import Scales
 from anmstrip.fem.geometry import KINEMATICS, PLATE, SECTION, Kinematics
 from anmstrip.fem.operators import InternalOperator, Layers, Pattern, upwind_differences
 from anmstrip.fem.sampling import (
@@ -24,7 +23,7 @@ from anmstrip.fem.sampling import (
     SlopeOperator,
     quadrature_points,
 )
-from anmstrip.fem.strip import Material, Strip, renumbered
+from anmstrip.fem.strip import Material, Scales, Strip, renumbered
 from anmstrip.mechanics.effects import Effect
 from anmstrip.mechanics.loads import (
     Foundation,

@@ -10,8 +10,8 @@ import numpy as np
 
 from anmstrip.arrays import Array
 from anmstrip.equilibrium import Model, StageProblem
-from anmstrip.fem.constraints import Joint, Supports
 from anmstrip.fem.sampling import l2_projection, quadrature_points, shape_of
+from anmstrip.fem.strip import Joint, Supports
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.loads import Onward
 from anmstrip.mechanics.roller import Roller

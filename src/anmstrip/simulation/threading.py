@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import PathStopped
 from anmstrip.continuation.follow import Settings, follow
+from anmstrip.continuation.path import PathStopped
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.errors import InputError
-from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.sampling import l2_projection, quadrature_points
-from anmstrip.fem.strip import Strip
+from anmstrip.fem.strip import Scales, Strip, Supports
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Controls, Effect
 from anmstrip.mechanics.loads import Guide, edge_force

@@ -10,9 +10,8 @@ from typing import Protocol
 import numpy as np
 
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import Equations
 from anmstrip.continuation.follow import PathSolver, follow
-from anmstrip.continuation.path import lagrange
+from anmstrip.continuation.path import Equations, lagrange
 from anmstrip.taylor.polynomials import derivative_coefficients, value_at
 
 

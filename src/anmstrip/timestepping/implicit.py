@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import (
+from anmstrip.continuation.follow import Pace, PathStep, Settings
+from anmstrip.continuation.newton import Corrected, solve_by_narrowing
+from anmstrip.continuation.path import (
     NEGLIGIBLE_SHARE,
     Cost,
     Equations,
     Evidence,
     Outcome,
     PathStopped,
+    extrapolate,
 )
-from anmstrip.continuation.follow import Pace, PathStep, Settings
-from anmstrip.continuation.newton import Corrected, solve_by_narrowing
-from anmstrip.continuation.path import extrapolate
 from anmstrip.linalg.solvers import LinearSolver, Remembering
 from anmstrip.timestepping.formulas import (
     AffineVelocity,

@@ -17,11 +17,11 @@ from anmstrip.advice.warnings import levels
 from anmstrip.driver.explain import cell, plain_table, text_of
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
+from anmstrip.driver.sweep import CHECKPOINT, SUMMARY, Sweep, Variant, folder_name, run_scene
 from anmstrip.errors import InputError, Mistake
 from anmstrip.fem.sampling import displacement_at
 from anmstrip.results.files import load_checkpoint, read_json, write_table
 from anmstrip.simulation.problem import Assembly
-from anmstrip.sweep.study import CHECKPOINT, SUMMARY, Sweep, Variant, folder_name, run_scene
 
 if TYPE_CHECKING:
     from distributed import Client

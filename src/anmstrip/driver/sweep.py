@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from anmstrip.continuation.equations import Outcome
+from anmstrip.continuation.path import Outcome
 from anmstrip.driver.recorder import flat_keys
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene

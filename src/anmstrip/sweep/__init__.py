@@ -1,1 +1,0 @@
-"""Parameter studies: scenes that differ in a few keys, shared out by dask among workers."""
