@@ -23,7 +23,7 @@ from anmstrip.driver.scene import Scene
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.linalg.solvers import Bordered, Remembering, SparseSolver
 from anmstrip.results.state import State
-from anmstrip.results.wrinkles import ONSET_FACTOR, ONSET_TOLERANCE, Wrinkling
+from anmstrip.results.wrinkles import ONSET_FACTOR, ONSET_TOLERANCE, Wrinkling, buckling
 from claims import Claim
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -226,6 +226,40 @@ def test_what_a_compressed_strip_bears_by_its_modes_is_told(
     times = re.search(r"Its modes on this mesh bear (\S+) times this compression", told)
     assert times is not None, told
     assert least < float(times[1]) < most
+
+
+def test_modes_of_strip_that_runs_in_time_are_those_at_rest(tmp_path: Path) -> None:
+    """Long edges of 30 I-units over a driven and an idle roller, which have unknowns of their own.
+
+    Hardly anything rubs, so that the modes are those of the frictionless strip.
+    """
+    rollers = [
+        {"name": name, "radius": 0.3, "centre": [x, 0.0, -0.3], "wrap": "over", "drive": drive}
+        for x, name, drive in [(0.0, "r1", "idle"), (2.0, "r2", "speed")]
+    ]
+    start = {"name": "start", "duration": 0.1, "entry": {"speed": 0.1},
+             "rollers": {"r2": {"surface_speed": 0.1}}}  # fmt: skip
+    lowest = []
+    for stage in ({"name": "rest", "friction": False}, start):
+        tables = {
+            "strip": {"width": 1.0, "thickness": 5e-4, "cells": [12, 4], "refined": 0.1,
+                      "flatness": {"across": [0.0, 0.0, 120.0]}},
+            "material": {"young": 2e11, "poisson": 0.3},
+            "contact": {},
+            "friction": {"coefficient": 0.01},
+            "threading": {"tension": 1.6e4, "entry": [-1.0, 0.0, -0.5], "exit": [3.0, 0.0, -0.5]},
+            "rollers": rollers,
+            "stages": [stage],
+            "solver": {"tolerance": 1e-2},
+        }  # fmt: skip
+        run = Run(Scene.model_validate(tables), tmp_path / stage["name"])
+        *_, step = run
+        factors, modes = buckling(step.state, 2)
+        assert modes.shape == (len(step.state.plan.supports.free), 2)
+        assert any("bear" in line for line in run.warnings)
+        lowest.append(float(factors[0]))
+    at_rest, running = lowest
+    assert running == pytest.approx(at_rest, rel=0.02)
 
 
 def long_edges(directory: Path | None, finer: float = 1.0, tension: float = 1.6e4) -> Run:

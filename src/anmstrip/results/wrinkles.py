@@ -462,9 +462,10 @@ def buckling(state: State, count: int, solver: LinearSolver | None = None) -> tu
     growth = state.controls.get("strip.growth", 1.0)
     blocks = compressive_stiffness(state.membrane, forces, model.pattern, model.others, growth)
     if not blocks.pairs.any():  # nothing is compressed
-        return np.zeros(0), np.zeros((len(free), 0))
+        return np.zeros(0), np.zeros((len(plan.supports.free), 0))
     compressive = model.pattern.restricted(free).matrix(blocks)
-    return buckling_modes(tangent, compressive, solver or SparseSolver(), count)
+    factors, modes = buckling_modes(tangent, compressive, solver or SparseSolver(), count)
+    return factors, np.pad(modes, ((0, len(plan.supports.free) - len(free)), (0, 0)))
 
 
 def mode_heights(state: State, mode: Array) -> Array:
