@@ -89,6 +89,13 @@ def test_strip_hangs_between_rollers_and_its_ends_stay() -> None:
     assert run.cost.expansions < 70
 
 
+def test_an_exit_that_is_guided_on_its_way_down_stays() -> None:
+    """At 40° it is held in z alone, and lets 0.33 m pass, by which it would slide in x."""
+    state = done(FURNACE | {"edges": {"exit": {"fixed": ("z",)}}}).state
+    assert state is not None
+    assert [state.along(axis)[-1] for axis in "xz"] == pytest.approx([SPAN + 3.0, -2.0], abs=0.02)
+
+
 def test_strip_that_hangs_passes_its_labels_at_its_own_speed() -> None:
     """Everywhere, whatever the labels hold: c (1 + ε)."""
     state = done(FURNACE).state

@@ -28,9 +28,6 @@ from anmstrip.simulation.defaults import (
 from anmstrip.simulation.meshing import label_at, surface_speed
 from anmstrip.simulation.problem import Assembly, middle_node
 
-HELD_ALONG = 0.5
-"""Least share of a held direction that holds an end along the strip."""
-
 ALIGNED_SINE = 0.02
 """Sine of the angle, 1°, up to which a velocity is that of strip that passes a held end."""
 
@@ -170,9 +167,8 @@ class Course:
             return found
         held = self._held(stage)
         for name in ENDS:
-            mostly = "xyz"[int(np.abs(self._directions[name]).argmax())]
             excess = uneven_tension(a.strip, name, values)
-            if excess is not None and mostly not in held.get(name, ()):
+            if excess is not None and not self._holds_along(name, held.get(name, ())):
                 found[f"{name}.unevenness"] = excess
                 found[f"{name}.slack"] = -excess.min(keepdims=True)
         return found
@@ -419,8 +415,8 @@ class Course:
         return held
 
     def _holds_along(self, name: str, components: tuple[str, ...]) -> bool:
-        """Whether components that are held at an end hold it along the strip."""
-        return any(abs(self._directions[name]["xyz".index(c)]) > HELD_ALONG for c in components)
+        """Whether components that are held at an end hold it along the strip, not guide it."""
+        return "xyz"[int(np.abs(self._directions[name]).argmax())] in components
 
     def _destination(self, stage: StageSpec, name: str) -> Array:
         now = self.moved.get(name, np.zeros(3))
