@@ -41,6 +41,9 @@ Where strip begins to wrinkle beside a crown (``examples/roller_wrinkles.py``) t
 where strip lifts off a straight roller in a span of 30 m: 1.5 times as much, as a mean 0.05 times.
 """
 
+COLUMN_FACTORS = 4.0, 2.046, 1.0
+"""Of Euler's π² D/L²: of a column whose slope is held at both ends, at one, or at none."""
+
 FIBRE_WIDTH = 0.1
 """Width, in elements, of a line along which a mean is taken: one of points."""
 
@@ -132,15 +135,15 @@ def free_spans(state: State) -> Iterator[Span]:
         compressed = beside & (low < COMPRESSED_SHARE * low[worst])
         share = weights[compressed].sum() / weights[beside].sum()
         n, tension = state.membrane_forces[..., worst], max(high[worst], 0.0)
-        spacing, part = np.inf, 0.0
+        spacing, part, borne = np.inf, 0.0, bearable_compression(d, q, tension)
         if n[1, 1] < n[0, 0]:
             spacing = wave_spacing(d, q, tension)
         elif n[0, 0] < n[1, 1] and share < 1.0 - COMPRESSED_SHARE:  # the rest of the width holds it
             edge = np.abs(fibres[worst]) > 0.5 * strip.width * (1.0 - COMPRESSED_SHARE)
             part = band_compression(d, float(share) * strip.width, edge=bool(edge))
-        else:  # as a column: nothing holds it from beside
-            tension = 0.0
-        borne = bearable_compression(d, q, tension)
+        else:  # as a column: nothing holds it from beside, and no roller its slope at an end
+            turning = (before == "the entry") + (after == "the exit")
+            borne = COLUMN_FACTORS[turning] * d * q**2
         pressed, mean = float(pressure.max()), float(means.max())
         yield Span(*place, pressed, mean, borne, float(share), inside, part, spacing)
 
