@@ -258,6 +258,20 @@ def test_edges_wave_as_early_where_a_force_pulls_them() -> None:
     assert run.cost.expansions < 15
 
 
+def test_the_compressed_part_of_the_width_may_end_between_two_points() -> None:
+    """N = 18 − 96 η² kN/m on four elements: below a tenth of its least value amid them."""
+    long = {"length": 3.0, "width": 1.2, "flatness": {"across": (-4.0, 0.0, 48.0)}}
+    ends = {"entry": {"fixed": ["x", "z"], "centred": True}, "exit": {"fixed": ["x", "z"]}}
+    scene = Scene(
+        strip={"thickness": 1e-3, **long}, material={"young": 2e11, "poisson": 0.3}, edges=ends,
+        stages=[{"name": "pull", "exit": {"move": [1.5e-4, 0.0, 0.0]}}],
+    )  # fmt: skip
+    (span,) = Wrinkling(ended(scene)[1]).spans
+    assert span.share == pytest.approx(
+        1.0 - 2.0 * np.sqrt((18e3 + 0.1 * span.compression) / 96e3), rel=0.02
+    )
+
+
 @pytest.mark.parametrize(("middle", "number", "parts"), [(1.0, 2.0, 1), (-1.0, 0.2125, 2)])
 @pytest.mark.slow
 def test_long_parts_of_the_width_bear_more_than_the_whole(

@@ -26,6 +26,7 @@ from anmstrip.continuation.path import Cost
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.fem.operators import Blocks, CellOperator, Pattern
 from anmstrip.fem.sampling import l2_projection, quadrature_points, shape_of
+from anmstrip.fem.strip import Strip
 from anmstrip.linalg.direct import SingularTangentError
 from anmstrip.linalg.solvers import Bordered, LinearSolver, SparseSolver
 from anmstrip.mechanics.shell import Membrane, eigenstrain, principal_forces
@@ -58,6 +59,12 @@ GAUSS_POINTS = np.polynomial.legendre.leggauss(4)[0]
 
 TO_SIDES = np.linalg.inv(np.vander(GAUSS_POINTS)).T @ np.vander([-1.0, 1.0], 4).T
 """From values there to those of the cubic through them at both sides, (4, 2)."""
+
+PLACES = np.linspace(-1.0, 1.0, 65)[1::2]
+"""Middles of equal parts of an element."""
+
+TO_PLACES = np.linalg.inv(np.vander(GAUSS_POINTS)).T @ np.vander(PLACES, 4).T
+"""The same to those, (4, parts)."""
 
 SMOOTH_DEGREE = 2
 """Degree in y of what is no wrinkle: a line across may be shifted, tilted and bowed."""
@@ -132,9 +139,10 @@ def free_spans(state: State) -> Iterator[Span]:
         fibre = inside & (lines == means.argmax())
         worst = int(np.where(fibre if means.any() else inside, low, np.inf).argmin())
         beside = inside & (np.abs(positions - positions[worst]) <= 0.5 * strip.cell_sizes[0].max())
-        compressed = beside & (low < COMPRESSED_SHARE * low[worst])
-        share = weights[compressed].sum() / weights[beside].sum()
         n, tension = state.membrane_forces[..., worst], max(high[worst], 0.0)
+        forces = state.membrane_forces[0, 0] if n[0, 0] < n[1, 1] else None
+        compressed = compressed_parts(strip, low, COMPRESSED_SHARE * low[worst], forces)
+        share = np.average(compressed[beside], weights=weights[beside])
         spacing, part, borne = np.inf, 0.0, bearable_compression(d, q, tension)
         if n[1, 1] < n[0, 0]:
             spacing = wave_spacing(d, q, tension)
@@ -146,6 +154,27 @@ def free_spans(state: State) -> Iterator[Span]:
             borne = COLUMN_FACTORS[turning] * d * q**2
         pressed, mean = float(pressure.max()), float(means.max())
         yield Span(*place, pressed, mean, borne, float(share), inside, part, spacing)
+
+
+def compressed_parts(strip: Strip, low: Array, level: float, along: Array | None) -> Array:
+    """Share of the width around every point at which it is compressed below a level, (points,).
+
+    Parameters
+    ----------
+    strip : Strip
+    low : ndarray, shape (points,)
+        Least principal forces (N/m).
+    level : float
+        N/m.
+    along : ndarray, shape (points,), optional
+        Forces along (N/m), if these compress.  On rectangles by the cubic through a line of points
+        across an element: at an edge a part of the width may end between two of them.
+    """
+    if along is None or shape_of(strip) != "quad":
+        return (low < level).astype(float)
+    lines = along.reshape(-1, len(GAUSS_POINTS), len(GAUSS_POINTS))  # element, across, along
+    below = np.einsum("eyx,yp->epx", lines, TO_PLACES) < level
+    return np.broadcast_to(below.mean(axis=1, keepdims=True), lines.shape).ravel()
 
 
 def band_compression(d: float, width: float, *, edge: bool) -> float:
