@@ -10,6 +10,7 @@ import pytest
 from scipy.sparse.linalg import ArpackError
 from threaded import ONE, ended, scene_of
 
+from anmstrip.advice.warnings import buckled_section
 from anmstrip.driver.explain import explain
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
@@ -187,6 +188,21 @@ def test_summary_of_a_shell_tells_of_wrinkles(tmp_path):
     assert summary["compressive_membrane_force"] == pytest.approx(2.5 * EULER, rel=1e-3)
     assert summary["warnings"] == run.warnings
     assert len(run.warnings) == 1
+
+
+@pytest.mark.parametrize(
+    ("share", "coil_set", "told"), [(0.9, 0.0, 0), (1.5, 0.0, 1), (1.5, 1e-3, 0)]
+)
+def test_a_straight_section_is_told_that_it_has_buckled(
+    share: float, coil_set: float, told: int
+) -> None:
+    """Above Euler's force between two ends that turn; one that is bowed may bear more."""
+    shape = {"coil_set": coil_set} if coil_set else {}
+    tables = pressed(share, kinematics="section", **shape).model_dump(exclude_unset=True)
+    tables["edges"] = {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["z"]}}
+    run, state = ended(Scene.model_validate(tables))
+    found = list(buckled_section(state, run.scene))
+    assert ["bears unbuckled" in words for words in found] == [True] * told
 
 
 def test_section_does_not_pay(tmp_path, monkeypatch):

@@ -22,6 +22,7 @@ from anmstrip.fem.sampling import quadrature_points
 from anmstrip.mechanics.roller import Roller
 from anmstrip.results.rollers import RUNNING_SLIP, ContactState
 from anmstrip.results.state import State
+from anmstrip.results.wrinkles import COLUMN_FACTORS
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS, THREADING, FieldSpec
 from anmstrip.simulation.defaults import (
@@ -55,6 +56,9 @@ MAX_PENETRATION = 0.1
 
 SLACK_END = 1e-2
 """Share of the largest force below which an end that was pulled is slack."""
+
+STRAIGHT_SLOPE = 1e-6
+"""Difference of slopes (rad) up to which nothing bends a span."""
 
 STIFF_SLOPE = 0.3
 """Slope q L³/6D up to which its stiffness carries strip: a beam sags by 2 % of its span then."""
@@ -352,8 +356,9 @@ def unresolved_waves(state: State, scene: SceneSpec) -> Iterator[str]:
 
 
 def buckled_section(state: State, scene: SceneSpec) -> Iterator[str]:
-    """Free spans of a section that are pressed by more than they bear if their ends are clamped.
+    """Free spans of a section that are pressed by more than they bear.
 
+    Bowed ones by more than they bear if their ends are clamped: what bows them may carry them.
     Strip that turns freely about one end and is free at the other bears nothing.
     Nothing bends a straight strip on its path beyond the load at which it buckles; what is proposed
     is a curvature 0.8 t/L², by which a span is a tenth of its thickness high: with one thickness it
@@ -378,7 +383,11 @@ def buckled_section(state: State, scene: SceneSpec) -> Iterator[str]:
                 f"{' and '.join(loose)} across: it turns freely, and this state is not stable."
             )
             continue
-        if pressed * (stop - start) ** 2 <= 4.0 * np.pi**2 * strip.bending_stiffness:
+        slopes = state.slope(np.linspace(start, stop, 9))
+        ways = slopes / np.linalg.norm(slopes, axis=1, keepdims=True)
+        bowed = np.ptp(ways, axis=0).max() > STRAIGHT_SLOPE
+        factor = COLUMN_FACTORS[0 if bowed else (start == begin) + (stop == end)]
+        if pressed * (stop - start) ** 2 <= factor * np.pi**2 * strip.bending_stiffness:
             continue
         curved = 0.8 * given.thickness / (stop - start) ** 2
         yield (
