@@ -848,8 +848,8 @@ WRINKLES = (
     Mutant("compression by its mean", "float(pressure.max())", "float(pressure.mean())", "summary"),
     Mutant(
         "share of the width",
-        "weights[compressed].sum() / weights[beside].sum()",
-        "weights[compressed].sum() / weights.sum()",
+        "np.average(compressed[beside], weights=weights[beside])",
+        "np.average(compressed, weights=weights)",
         "summary",
     ),
 )
