@@ -6,6 +6,9 @@ import reprlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
+from typing import NoReturn, TypeVar
+
+Value = TypeVar("Value")
 
 MAX_LISTED = 100
 """Mistakes that a message lists: more of them are one and the same, made by a program."""
@@ -89,6 +92,20 @@ def nearest(word: str, known: Iterable[str]) -> str:
         return f"{small[matches[0]]} (the nearest known one)"
     known = [*known[:MAX_LISTED], "…"] if len(known) > MAX_LISTED else known
     return f"one of: {', '.join(known)}" if known else "nothing; take it out"
+
+
+class Named(dict[str, Value]):
+    """Things by name; for an unknown name it tells the nearest one.
+
+    Examples
+    --------
+    >>> Named(entry=1.0, exit=2.0)["exi"]
+    Traceback (most recent call last):
+    KeyError: "no 'exi' here: exit (the nearest known one)"
+    """
+
+    def __missing__(self, name: object) -> NoReturn:
+        raise KeyError(f"no {name!r} here: {nearest(str(name), self)}")
 
 
 def toml_text(value: object) -> str:

@@ -41,6 +41,23 @@ def test_columns_along_a_stretched_strip_and_over_time() -> None:
         assert len(repr(thing)) < 100, repr(thing)
 
 
+def test_an_unknown_name_is_answered_with_the_nearest(tmp_path: Path) -> None:
+    scene = Scene.load(Path(__file__).parents[2] / "examples/capstan.toml")
+    run = scene.run(tmp_path)
+    state = next(iter(run)).state
+    tables = state.rollers, state.contacts, state.regularisation
+    for ask in (state.tension, state.edge_force, state.pull_direction):
+        with pytest.raises(KeyError, match="no 'exti' here: exit"):
+            ask("exti")
+    for table in tables:
+        with pytest.raises(KeyError, match="no 'r9' here: one of: r1"):
+            table["r9"]
+    with pytest.raises(KeyError, match="no 'tensions' here: tension"):
+        state.along("tensions")
+    with pytest.raises(KeyError, match="no 'r1_darg' here: r1_drag"):
+        run.history["r1_darg"]
+
+
 def test_a_written_run_has_the_columns_of_its_files(tmp_path: Path) -> None:
     released = {"duration": 1.0, "exit": {"force": [5e3, 0.0, 0.0]}}
     tables = {**TABLES, "stages": [*TABLES["stages"], released]}

@@ -29,6 +29,7 @@ from anmstrip.continuation.path import Cost, Outcome, PathStopped
 from anmstrip.driver.budget import LARGE_MESH_ERROR, Budget, Part, tension_readings
 from anmstrip.driver.recorder import Recorder, history_row, identity, kept_values, read_checkpoint
 from anmstrip.equilibrium import StageProblem
+from anmstrip.errors import Named
 from anmstrip.fem.geometry import SHELL
 from anmstrip.linalg.direct import SingularTangentError
 from anmstrip.results.files import ERROR_WORDS, read_history
@@ -284,7 +285,7 @@ class Run:
         if self.directory is not None:
             return read_history(self.directory / "history.csv")
         self._read()
-        columns: dict[str, Array | list[str]] = {}
+        columns = Named[Array | list[str]]()
         for name in self.rows[0] if self.rows else ():
             cells = [row[name] for row in self.rows]
             columns[name] = cells if name == "stage" else np.array(cells, dtype=float)

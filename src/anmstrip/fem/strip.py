@@ -12,6 +12,7 @@ from scipy.sparse import csc_matrix
 from skfem import Basis, FacetBasis, Mesh, MeshLine, MeshQuad, MeshTri
 
 from anmstrip.arrays import Array, Index
+from anmstrip.errors import Named
 from anmstrip.fem.elements import Argyris, BognerFoxSchmit, Hermite
 from anmstrip.fem.geometry import DERIVATIVE_PAIRS, SHELL, Frames, Kinematics, ReferenceSurface
 from anmstrip.linalg.solvers import Bordered
@@ -255,7 +256,7 @@ class Strip:
     @cached_property
     def edges(self) -> dict[str, Edge]:
         """All named edges."""
-        return {name: self._edge(name) for name in (self.mesh.boundaries or {})}
+        return Named((name, self._edge(name)) for name in (self.mesh.boundaries or {}))
 
     def unknowns_of(self, scalars: Index) -> Index:
         """Numbers of all components of scalar degrees of freedom, sorted."""

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from anmstrip.errors import InputError, Mistake
+from anmstrip.errors import InputError, Mistake, Named
 
 AnyPath = str | os.PathLike[str]
 
@@ -382,7 +382,7 @@ def read_history(
         while some := list(islice(records, ROWS_AT_ONCE)):
             for part, cells in zip(parts, zip(*some, strict=True), strict=True):
                 part.append(_numbers(cells))
-    table: dict[str, NDArray[np.float64] | list[str]] = {}
+    table = Named[NDArray[np.float64] | list[str]]()
     for place, (name, part) in enumerate(zip(header, parts, strict=True)):
         if all(isinstance(cells, np.ndarray) for cells in part):
             table[name] = np.concatenate([np.zeros(0), *part])

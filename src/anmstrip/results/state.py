@@ -10,7 +10,7 @@ import numpy as np
 from anmstrip.arrays import Array
 from anmstrip.continuation.path import Branch
 from anmstrip.equilibrium import StageProblem
-from anmstrip.errors import nearest
+from anmstrip.errors import Named
 from anmstrip.results.fields import Profile
 from anmstrip.results.strip_state import StripState
 
@@ -86,14 +86,12 @@ class State(StripState):
         KeyError
             There is no such column.
         """
-        if name not in self.profile:
-            raise KeyError(f"no column {name!r} along the strip; {nearest(name, self.profile)}")
         return self.profile[name]
 
     @cached_property
     def profile(self) -> dict[str, Array]:
         """All columns along the strip, see :meth:`along`."""
-        return Profile(self.plan.model.strip).columns(self)
+        return Named(Profile(self.plan.model.strip).columns(self))
 
     def __repr__(self) -> str:
         return f"<State of {self.plan.name!r} at t = {self.time:.6g} s>"

@@ -12,6 +12,7 @@ import numpy as np
 from anmstrip.arrays import Array, Index
 from anmstrip.continuation.path import Branch
 from anmstrip.equilibrium import StageProblem
+from anmstrip.errors import Named
 from anmstrip.fem.sampling import quadrature_points, shape_of
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.loads import FollowerLoad
@@ -255,11 +256,11 @@ class StripState:
     def contacts(self) -> dict[str, ContactState]:
         """Roller → what it does to the strip."""
         if (contact := self.contact) is None:
-            return {}
+            return Named()
         rubbing = {} if self.friction is None else self.friction.by_roller
         parts, near = contact.by_roller, contact.elements_near(self.full, self.controls)
         pairs = zip(parts, near, strict=True)
-        return {n: self._contact(parts[n], rubbing.get(n), elements) for n, elements in pairs}
+        return Named((n, self._contact(parts[n], rubbing.get(n), near)) for n, near in pairs)
 
     @property
     def contact(self) -> Contact | None:
@@ -332,7 +333,7 @@ class StripState:
         strip = self.plan.model.strip
         bending, sideways = self.bends * strip.bending_stiffness, 1 in strip.kinematics.components
         found = {name: passage for passage in self.passages for name in passage.names}
-        readings, yields = {}, self.plasticity is not None
+        readings, yields = Named[RollerReading](), self.plasticity is not None
         for name, contact in self.contacts.items():
             offset = self.offset(contact.arc[0]) if sideways else None
             readings[name] = reading_of(contact, found[name], bending, offset, yields)
@@ -376,7 +377,7 @@ class StripState:
     @cached_property
     def regularisation(self) -> dict[str, Regularisation]:
         """Roller → what its regularised laws cost in truth."""
-        return {
+        costs = {
             name: regularisation_of(
                 self.contacts[name],
                 reading,
@@ -386,6 +387,7 @@ class StripState:
             )
             for name, reading in self.rollers.items()
         }
+        return Named(costs)
 
     def unstressed_length(self, x: Any) -> Any:
         """Length of unstressed strip (m) between the entry and labels x, shape of x."""
