@@ -120,6 +120,16 @@ def test_other_quadrilaterals_are_refused(written: Callable[..., Path], bend: st
     assert "rectangles" in found["strip.mesh"]
 
 
+@pytest.mark.parametrize("axes", [[-1.0, -1.0], [-1.0, 1.0], []])
+def test_a_mesh_that_does_not_run_from_entry_to_exit_along_x_is_refused(
+    written: Callable[..., Path], axes: list[float]
+) -> None:
+    """Turned round, mirrored, or along y: what pulls the exit would push it."""
+    points, cells, edges = generated()
+    points = points * axes if axes else points[:, ::-1]
+    assert "a mesh along x" in refused(scene_of(written(points, cells, edges)))["strip.mesh"]
+
+
 @pytest.mark.parametrize("aside", [3.0, 2.0])
 def test_two_islands_are_refused(written: Callable[..., Path], aside: float) -> None:
     """Apart, or with a corner in common, which holds nothing."""

@@ -200,6 +200,17 @@ def hanging(points: Any, cells: Any) -> tuple[Any, Any]:
     return points, np.vstack([np.delete(cells, k, axis=0), halves])
 
 
+def twice(points: Any, cells: Any) -> tuple[Any, Any]:
+    return points, np.vstack([cells, cells[3:4]])
+
+
+def tangled(points: Any, cells: Any) -> tuple[Any, Any]:
+    """A node inside is drawn beyond its neighbours, so that triangles lie on others."""
+    inside = np.abs(points[:, :2]).sum(axis=1).argmin()
+    points[inside, 0] += 0.75 * np.ptp(points[:, 0])
+    return points, cells
+
+
 def lifted(points: Any, cells: Any) -> tuple[Any, Any]:
     points[4, 2] = 0.01
     return points, cells
@@ -217,6 +228,8 @@ def unknown_place(points: Any, cells: Any) -> tuple[Any, Any]:
         (repeated_node, "with an area"),
         (not_merged, "share their nodes"),
         (hanging, "share whole sides"),
+        (twice, "cover others"),
+        (tangled, "cover others"),
         (lifted, "0.01 m off"),
         (unknown_place, "finite"),
     ],

@@ -94,6 +94,10 @@ def check_shapes(mesh: Mesh) -> None:
     if wrong.any():
         place = point_text(corners.mean(axis=1)[:, wrong])
         raise MeshError(f"{kind} ({wrong.sum()} {more}, the first at {place})", hint)
+    if (covered := overlapping(mesh)).any():
+        place = point_text(corners.mean(axis=1)[:, covered])
+        found = f"{covered.sum()} cover others, the first at {place}"
+        raise MeshError(f"elements side by side ({found})", "take elements out that lie on others")
     ends = mesh.p[:, mesh.facets[:, mesh.boundary_facets()]]
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=0)
     pairs = cKDTree(mesh.p.T).query_pairs(ZERO_LENGTH * lengths.min(), output_type="ndarray")
@@ -115,6 +119,16 @@ def check_shapes(mesh: Mesh) -> None:
         place = point_text(corners.mean(axis=1)[:, island != island[0]])
         found = f"{count} parts were found, another begins at {place}"
         raise MeshError(f"one strip, joined by whole sides ({found})", "one scene for each part")
+
+
+def overlapping(mesh: Mesh) -> NDArray[np.bool_]:
+    """Return which elements lie on the same side of a side as another one, (elements,)."""
+    x, y = mesh.p[:, mesh.t] - mesh.p[:, mesh.t[:1]]
+    left = x[1] * y[2] > x[2] * y[1]
+    round_left = np.where(left, mesh.t, mesh.t[::-1]).astype(np.int64)
+    sides = round_left * mesh.p.shape[1] + np.roll(round_left, -1, axis=0)
+    _, number, count = np.unique(sides, return_inverse=True, return_counts=True)
+    return np.asarray((count[number].reshape(sides.shape) > 1).any(axis=0))
 
 
 def hanging_nodes(ends: Array, lengths: Array) -> Array:
@@ -179,6 +193,13 @@ def read_mesh(scene: SceneSpec) -> Mesh:
     mistakes = [scene.mistake(*words) for words in told if words[1] not in known]
     if mistakes:
         raise InputError(mistakes)
+    entry, exit_ = (mesh.p[:, mesh.facets[:, mesh.boundaries[name]]].mean((1, 2)) for name in ENDS)
+    x, y = exit_ - entry
+    if x <= abs(y):
+        given = f"entry at {point_text(entry[:, None])}, exit at {point_text(exit_[:, None])}"
+        hint = "turn the mesh, or name its edges the other way round"
+        expected = "a mesh along x, from the entry at the least x to the exit at the greatest"
+        raise scene.refused("strip.mesh", given, expected, hint)
     return mesh
 
 
