@@ -164,6 +164,12 @@ def test_run_is_given_what_was_typed(fakes: Fakes) -> None:
     assert run.scene.rollers[0].radius == 0.3
 
 
+def test_what_comes_next_is_typed_as_a_shell_takes_it(fakes: Fakes) -> None:
+    fakes.put_run()
+    assert "render 'my runs/one'" in typed("run", CAPSTAN, "-o", "my runs/one").stdout
+    assert "run 'a roller.toml'" in typed("new", "roller", "-o", "a roller.toml").stdout
+
+
 def test_run_that_stops_early(fakes: Fakes) -> None:
     fakes.put_run(done=False, message="The path turned back at t = 0.4 s.")
     result = typed("run", CAPSTAN, "--quiet")

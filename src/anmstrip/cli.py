@@ -291,7 +291,8 @@ def run_command(
         from anmstrip.pictures.report import write_report
 
         click.echo(f"Report in {write_report(directory)}.")
-    click.echo(f"Results in {directory}. Next: anmstrip render {directory}")
+    typed = shlex.quote(str(directory))
+    click.echo(f"Results in {directory}. Next: anmstrip render {typed}")
     if not running.outcome.done:
         sys.exit(EXIT_STOPPED)
 
@@ -350,7 +351,8 @@ def new_command(kind: str, target: Path | None) -> None:
         raise InputError([Mistake("-o", "", str(target), expected, hint)])
     scene = (files("anmstrip.scene") / "templates" / f"{kind}.toml").read_text("utf-8")
     target.write_text(scene, encoding="utf-8")
-    click.echo(f"Scene in {target}. Next: anmstrip explain {target}, anmstrip run {target}")
+    typed = shlex.quote(str(target))
+    click.echo(f"Scene in {target}. Next: anmstrip explain {typed}, anmstrip run {typed}")
 
 
 @main.command("explain", short_help="Say what a run would do, and warn.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -127,7 +128,7 @@ class Along:
             with suppress(InputError):
                 one = f"{self.key}={float(self.values[0])!r}"
                 SceneSpec.from_tables(scene.to_dict(), file, [one])
-                hint = f"anmstrip sweep {file} --vary {self.text}"
+                hint = shlex.join(["anmstrip", "sweep", str(file), "--vary", self.text])
         return Mistake(f"--along {self.text}", self.key, given, expected, hint)
 
 
