@@ -199,6 +199,7 @@ def test_an_effect_that_has_no_velocity_of_the_strip_is_told_of(
     ("law", "parameters", "key", "words"),
     [
         ("no_such_module:Law", "{}", "friction.law", "No module named"),
+        ("leaves_python:Law", "{}", "friction.law", "a module and a class in it"),
         ("stribeck_law:Missing", "{}", "friction.law", "Missing"),
         ("stribeck_law:np", "{}", "friction.law", "a subclass of anmstrip.FrictionLaw"),
         ("stribeck_law:Stribeck", "{ drop = 1.0 }", "friction.parameters", "drop"),
@@ -209,6 +210,7 @@ def test_law_that_cannot_be_used(
     tmp_path: Path, law: str, parameters: str, key: str, words: str
 ) -> None:
     path = written(tmp_path, law, parameters)
+    (tmp_path / "leaves_python.py").write_text("raise SystemExit", encoding="utf-8")
     with pytest.raises(InputError) as caught:
         Run(Scene.load(path)).assembly.friction  # noqa: B018
     told = {mistake.key: str(mistake) for mistake in caught.value.mistakes}
@@ -242,8 +244,20 @@ class Mean(FrictionLaw):
     def __call__(self, normal, slip):
         return -self.coefficient * normal
 
-class Pulling(ContactLaw):
+@dataclass(frozen=True)
+class Corner(FrictionLaw):
+    coefficient: float
+    speed: float
+    def __call__(self, normal, slip):
+        return -self.coefficient * normal * np.sign(slip)
+
+class NeverFaint(ContactLaw):
     width = 1e-4
+    def __call__(self, gap):
+        return np.exp(gap * -1e4)
+
+class Pulling(ContactLaw):
+    width, faint = 1e-4, 1.0
     def __call__(self, gap):
         return np.exp(gap * 1e4)
 """
@@ -254,6 +268,8 @@ class Pulling(ContactLaw):
     [
         ("friction", "Scalar", "a law that works on arrays (only"),
         ("friction", "Along", "friction against the slip"),
+        ("friction", "Corner", "a law that works on arrays (np.sign has no series"),
+        ("contact", "NeverFaint", "has no attribute 'faint'"),
         ("friction", "Mean", "it returned (4,)"),
         ("contact", "Pulling", "a pressure that falls with the gap"),
     ],

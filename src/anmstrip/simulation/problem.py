@@ -809,7 +809,7 @@ def own_law(
     sys.path.insert(0, beside)
     try:
         law = getattr(import_module(module), name)
-    except Exception as error:  # whatever the user's module raises
+    except (Exception, SystemExit) as error:  # whatever the user's module raises
         expected = f"a module and a class in it that can be imported ({error})"
         raise scene.refused(key, reference, expected, hint) from error
     finally:
@@ -832,23 +832,29 @@ def own_law(
 def wrong_law(law: Any) -> tuple[str, str] | None:
     """Return what is expected of a user's law of contact or friction, and what to type.
 
-    Nothing if it works on arrays, pushes the less the wider the gap, and rubs against the slip.
+    Nothing if it works on arrays and series, pushes the less the wider the gap, and rubs against
+    the slip.
     """
     from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
+    from anmstrip.taylor.series import record
 
     points = np.array([-1.0, 0.5, 2.0, 30.0])
     try:
         if isinstance(law, FrictionLaw):
             slip = law.speed * np.stack([points, 0.0 * points, points[::-1]])
-            found = np.asarray(law(np.ones(4), slip), dtype=float)
+            asked: tuple[Array, ...] = (np.ones(4), slip)
+            found = np.asarray(law(*asked), dtype=float)
             fits, right = found.shape == slip.shape, bool(np.all((found * slip).sum(axis=0) < 0.0))
             expected, hint = "friction against the slip", "return -f * normal * …"
         elif isinstance(law, ContactLaw):
-            found = np.asarray(law(points * law.width), dtype=float)
+            asked = (points * law.width,)
+            found = np.asarray(law(*asked), dtype=float)
+            float(law.faint)
             fits, right = found.shape == points.shape, bool(np.all(np.diff(found) <= 0.0))
             expected, hint = "a pressure that falls with the gap", "return p * np.exp(-gap / w)"
         else:
             return None
+        record(law, *asked)
     except Exception as error:  # whatever the user's law raises
         expected, hint = f"a law that works on arrays ({error})", "numpy's functions of arrays"
         return expected, hint

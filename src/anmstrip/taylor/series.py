@@ -76,12 +76,20 @@ class Series(np.lib.mixins.NDArrayOperatorsMixin):
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
         lower = UFUNCS.get(ufunc)
         if method != "__call__" or options or lower is None:
-            return NotImplemented
+            raise without_series(ufunc)
         return lower(self.tape, *inputs)
 
     def __array_function__(self, function: Any, types: Any, args: Any, kwargs: Any) -> Any:
         lower = FUNCTIONS.get(function)
-        return NotImplemented if lower is None else lower(self.tape, *args, **kwargs)
+        if lower is None:
+            raise without_series(function)
+        return lower(self.tape, *args, **kwargs)
+
+
+def without_series(function: Any) -> TypeError:
+    """Return the error of a numpy function that a law calls and that has no series."""
+    some = "sqrt, exp, log, tanh, sin, cos, einsum, stack and where"
+    return TypeError(f"np.{function.__name__} has no series; np's {some} have")
 
 
 def record(
