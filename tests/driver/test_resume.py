@@ -74,6 +74,7 @@ def begun(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
         {"edges.exit.centred": "true"},
         {"solver.tolerance": "1e-7"},
         {"output.times": "[0.5]"},
+        {"rollers": '[{ name = "r", radius = 0.1, centre = [0.0, 0.0, -0.2] }]'},
     ],
 )
 def test_another_scene_is_refused_with_the_keys_that_differ(
@@ -87,6 +88,22 @@ def test_another_scene_is_refused_with_the_keys_that_differ(
     named = " ".join(mistake.key for mistake in caught.value.mistakes)
     assert all(key.removesuffix(".name") in named for key in settings)
     assert {path: path.read_bytes() for path in copy.iterdir()} == files
+    typed = [m.hint for m in caught.value.mistakes if m.hint.startswith("--set ")]
+    Scene.load(scene, [f"{k}={v}" for k, v in settings.items()] + [shlex.split(t)[1].rstrip(",")
+                       for t in typed])  # fmt: skip
+
+
+@pytest.mark.parametrize("content", [None, b"\xff\xfe\n", b""])
+def test_a_table_that_is_gone_or_spoilt_is_told(
+    begun: tuple[Path, Path], tmp_path: Path, content: bytes | None
+) -> None:
+    scene, results = begun
+    copy = shutil.copytree(results, tmp_path / "copy")
+    (copy / "history.csv").unlink()
+    if content is not None:
+        (copy / "history.csv").write_bytes(content)
+    with pytest.raises(InputError, match=r"history\.csv"):
+        Scene.load(scene).run(copy, resume=True)
 
 
 def test_only_what_was_typed_is_named_as_changed(tmp_path: Path) -> None:
@@ -143,8 +160,9 @@ def test_another_mesh_of_the_same_name_is_refused(tmp_path: Path) -> None:
     scene.run(tmp_path / "results").interrupted()
     scene.run(tmp_path / "results", resume=True)
     mesh = shutil.copy(other, tmp_path / "strip.msh")
-    with pytest.raises(InputError, match=r"strip\.mesh"):
+    with pytest.raises(InputError, match=r"strip\.mesh") as caught:
         scene.run(tmp_path / "results", resume=True)
+    assert "--set" not in str(caught.value)  # a file's content cannot be typed
 
 
 SPOILS: dict[str, Spoil] = {

@@ -281,6 +281,10 @@ MOST_DIFFERENCES = 40
 """Keys up to which scenes are the same one with other values, told one by one: a stage has 25."""
 
 
+UNTYPED_KEYS = ("rollers", "stages", "effects", "strip.mesh")
+"""Keys that stand for more than a value that can be typed: names of tables, what a file has."""
+
+
 def differences(before: Mapping[str, Any], now: Mapping[str, Any], file: str) -> Iterator[Mistake]:
     """Yield the keys in which a scene differs from the one with which a run began."""
     old, new = dict(flat_keys(before)), dict(flat_keys(now))
@@ -288,7 +292,11 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any], file: str) ->
         if key not in CHANGEABLE_KEYS and old.get(key) != new.get(key):
             was = toml_text(old.get(key))
             expected = f"{was}, with which this run began; what is there would not fit the rest"
-            back = f"--set {shlex.quote(f'{key}={was}')}, or " * (key in old)
+            whole = not any(cut in was for cut in ("…", "..."))
+            table = ".".join(key.split(".")[:2])  # as stages.turn, which may not be there
+            named = key.split(".")[0] not in UNTYPED_KEYS or any(k.startswith(table) for k in new)
+            typed = key in old and key not in UNTYPED_KEYS and whole and named
+            back = f"--set {shlex.quote(f'{key}={was}')}, or " * typed
             yield Mistake(file, key, new.get(key), expected, back + START_AFRESH)
 
 

@@ -310,7 +310,7 @@ class History:
 
     def __init__(self, path: AnyPath, columns: Sequence[str], rows: int = 0) -> None:
         self.path, self.columns, self.rows = Path(path), tuple(columns), rows
-        header, *kept = _records(path) if rows else [list(columns)]
+        header, *kept = _records(path) if rows and self.path.exists() else [list(columns)]
         given, expected = ", ".join(header), f"the columns {', '.join(columns)}"
         if header == list(columns):
             given, expected = f"{len(kept)} rows", f"at least {rows} rows"
@@ -403,7 +403,7 @@ def _numbers(cells: Sequence[str]) -> NDArray[np.float64] | None:
 def _records(path: AnyPath) -> list[list[str]]:
     """Return the cells of the complete lines of a table, its header first."""
     complete, _, _ = Path(path).read_bytes().rpartition(b"\n")
-    return list(csv.reader(io.StringIO(complete.decode(), newline=""))) or [[]]
+    return list(csv.reader(io.StringIO(complete.decode(errors="replace"), newline=""))) or [[]]
 
 
 def _cells(values: Sequence[Any] | NDArray[np.float64]) -> list[Any]:
