@@ -58,6 +58,24 @@ def test_strip_on_an_elastic_foundation() -> None:
     assert run.effects["foundation"]["points"] == 161
 
 
+@pytest.mark.parametrize("names", [["drives"], ["bath", "bath"], [None]])
+def test_an_effect_has_a_name_of_its_own(names: list[str | None]) -> None:
+    """A state asks for effects by name: one named drives was taken for the rollers' own."""
+
+    def named(name: str | None) -> Any:
+        effect = type("Named", (Foundation,), {"name": name})
+        return lambda strip: effect(strip, 1.0) if name else None
+
+    scene = Scene(
+        strip={"length": LENGTH, "width": WIDTH, "thickness": THICKNESS, "kinematics": "section"},
+        material={"young": YOUNG, "poisson": POISSON},
+        edges={"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["z"]}},
+        stages=[{"duration": 1.0, "exit": {"force": [1e3, 0.0, 0.0]}}],
+    )
+    with pytest.raises(InputError, match="a name that no other effect has"):
+        list(Run(scene, effects=[named(name) for name in names]))
+
+
 STRIBECK = """
 from dataclasses import dataclass
 from typing import Any

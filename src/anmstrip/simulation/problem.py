@@ -188,6 +188,10 @@ step: their friction is as singular as that of the others.
 """
 
 
+BUILT_IN_EFFECTS = ("membrane", "bending", "plasticity", "contact", "friction", "drives")
+"""Effects that are asked for by their names when a state is read."""
+
+
 @dataclass(frozen=True)
 class Assembly:
     """A scene's strip and what can act on it.
@@ -750,8 +754,15 @@ class Assembly:
 
     @cached_property
     def added_effects(self) -> list[Effect]:
-        """Effects of the user's own."""
-        return [make(self.strip) for make in self.added]
+        """Effects of the user's own, which have names of their own."""
+        made, taken = [make(self.strip) for make in self.added], set(BUILT_IN_EFFECTS)
+        for effect in made:
+            name = getattr(effect, "name", repr(effect))
+            if not isinstance(effect, Effect) or name in taken:
+                expected = "an anmstrip.Effect with a name that no other effect has"
+                raise self.scene.refused("effects", name, expected, 'name = "my_effect"')
+            taken.add(name)
+        return made
 
     def yields(self, stage: StageSpec) -> bool:
         """Whether plastic strains grow in a stage; a strip is threaded as an elastic one."""
