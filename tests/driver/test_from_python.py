@@ -58,6 +58,21 @@ def test_an_unknown_name_is_answered_with_the_nearest(tmp_path: Path) -> None:
         run.history["r1_darg"]
 
 
+def test_a_state_is_told_within_its_step_only() -> None:
+    *_, step = Scene(**TABLES).run()
+    assert step.state.at(0.5, None).time == 0.5
+    for outside in (-0.1, 1.5):
+        with pytest.raises(ValueError, match="is not from 0 to 1 s"):
+            step.state.at(outside, None)
+
+
+def test_one_setting_need_not_stand_in_a_list() -> None:
+    """Letter by letter it made 25 mistakes."""
+    path = Path(__file__).parents[2] / "examples/capstan.toml"
+    scene = Scene.load(path, "friction.coefficient=0.25")
+    assert scene == Scene.load(path, ["friction.coefficient=0.25"])
+
+
 def test_a_written_run_has_the_columns_of_its_files(tmp_path: Path) -> None:
     released = {"duration": 1.0, "exit": {"force": [5e3, 0.0, 0.0]}}
     tables = {**TABLES, "stages": [*TABLES["stages"], released]}

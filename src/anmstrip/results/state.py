@@ -31,9 +31,17 @@ class State(StripState):
             s.
         before : State or None
             Where the step began; the undeformed strip if ``None``.
+
+        Raises
+        ------
+        ValueError
+            The instant is not within the step.
         """
         if time == self.time:
             return self
+        begin, room = self.plan.start if before is None else before.time, 1e-9 * self.time
+        if not begin - room <= time <= self.time + room:
+            raise ValueError(f"t = {time:g} s is not from {begin:g} to {self.time:g} s")
         control = (time - self.plan.start) / self.plan.duration
         a = None
         if self.branch is not None:

@@ -157,7 +157,7 @@ class SceneSpec(Table):
         ----------
         path : str or Path
             TOML file.
-        overrides : iterable of str, optional
+        overrides : iterable of str, or str, optional
             ``KEY=VALUE`` with dotted keys and values in TOML syntax; entries of lists of tables
             are addressed by name: ``rollers.r1.radius=0.3``.
 
@@ -180,7 +180,7 @@ class SceneSpec(Table):
     ) -> Self:
         """Return the scene of tables as they would stand in a file; see :meth:`load`."""
         data, applied, mistakes = with_implied_tables(tables), list[Override](), list[Mistake]()
-        for text in overrides:
+        for text in [overrides] if isinstance(overrides, str) else overrides:
             try:
                 override = Override.parse(text)
                 data = override.applied_to(data)
