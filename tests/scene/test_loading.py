@@ -134,6 +134,7 @@ def test_override_may_mend_the_file(tmp_path: Path) -> None:
         ("friction.law=tanh", "a value in TOML syntax"),
         ("friction.coefficient", "KEY=VALUE"),
         ("=3", "a dotted key"),
+        ("strip.width=1m", "without the unit"),
         ("strip.width=1\nstrip.length=2", "a value in TOML syntax"),
         ("strip..width=1", "a dotted key"),
         ("contact.eta=1e9", "below stiffness × delta"),

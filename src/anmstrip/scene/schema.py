@@ -317,7 +317,8 @@ class Override:
         try:
             (value,) = tomllib.loads(f"value = {typed}").values()
         except (ValueError, RecursionError):
-            hint = f"""a number, true, [1.0, 0.0, 0.0], or text in quotes: '{key}="{typed}"'"""
+            hint = "a number in SI units without the unit, true, [1.0, 0.0, 0.0], or text in quotes"
+            hint += f""": '{key}="{typed}"'"""
             if pointed := with_decimal_point(f"{key}={typed}"):
                 hint = f"--set {pointed}"
             raise wrong_override(text, key, typed, "a value in TOML syntax", hint) from None
