@@ -654,6 +654,8 @@ ELSEWHERE = {
     "below_round_off": "round_off, strict_tolerance",
     "typed_place": "closer_rollers, in test_nip.py",
     "shorter_move": "meeting_rollers, roller_over_an_end",
+    "refuse_both": "test_sweep.py",
+    "variants": "test_sweep.py",
 }
 """Functions that propose something and have another name or place."""
 

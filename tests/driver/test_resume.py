@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import shlex
 import shutil
 from collections.abc import Callable
@@ -279,6 +281,27 @@ def test_a_table_taken_away_under_a_run_is_not_begun_again(
     with pytest.raises(FileNotFoundError) as caught:
         list(steps)
     assert caught.value.filename == str(tmp_path / "history.csv")
+
+
+@pytest.mark.parametrize("steps", [0, 1])
+def test_error_leaves_the_directory_to_the_next_run(
+    tmp_path: Path, begun: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch, steps: int
+) -> None:
+    """Also while its traceback lives on; before any file and while one is written."""
+    scene, full = Scene.load(begun[0]), False
+
+    def fsync(_: int) -> None:
+        if full:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("os.fsync", fsync)
+    full = not steps
+    with pytest.raises(OSError, match="No space left") as caught:
+        for _ in scene.run(tmp_path):
+            full = True
+    full = False
+    assert next(iter(scene.run(tmp_path))).step == 1
+    assert caught.tb is not None
 
 
 @pytest.mark.parametrize(("durations", "last"), [((0.7, 0.1), 0.8), ((0.1, 0.7, 0.1, 0.1), 1.0)])

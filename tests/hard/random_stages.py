@@ -24,6 +24,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -430,8 +431,8 @@ class Ending:
     words: str = ""
 
 
-def ending_of(course: Course, most: int = SECONDS) -> Ending:
-    """Run a line, and look at the end of each of its stages."""
+def ending_of(course: Course, most: int = SECONDS, directory: Path | None = None) -> Ending:
+    """Run a line, written if there is a directory, and look at the end of each of its stages."""
     begin, run, wrong = time.process_time(), None, list[str]()
     last: State | None = None
 
@@ -446,7 +447,7 @@ def ending_of(course: Course, most: int = SECONDS) -> Ending:
 
     try:
         with seconds_of_one_core(most):
-            run = Run(Scene.model_validate(course.tables))
+            run = Run(Scene.model_validate(course.tables), directory)
             if course.overloaded:
                 told = any("the strip runs away" in words for words in run.forewarnings())
                 return ending("warned" if told else "wrong", "not warned of")

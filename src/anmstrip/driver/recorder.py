@@ -100,15 +100,26 @@ class Recorder:
         self.assembly, self.directory, self.errors = assembly, directory, errors
         directory.mkdir(parents=True, exist_ok=True)
         self.lock = DirectoryLock(directory)
+        kept: Mapping[str, Any] = resumed or {"rows": {}, "time": -1.0, "turned": {}}
+        with self.lock:
+            self._open_files(kept, resumed is not None)
+        times = (min(t, assembly.scene.ends[-1]) for t in assembly.scene.output.times or ())
+        self.due = [t for t in times if t > kept["time"]]
+        self.surface, self.profile = FieldSampler(assembly.strip), Profile(assembly.strip)
+        self.turned = dict.fromkeys((r.name for r in assembly.rollers), 0.0) | kept["turned"]
+        self.last_checkpoint = 0.0
+
+    def _open_files(self, kept: Mapping[str, Any], resumed: bool) -> None:
+        """Begin the files, or those of an earlier run from where its checkpoint was written."""
+        assembly, directory = self.assembly, self.directory
         names = [f"{r.name}_{column}" for r in assembly.rollers for column in STEP_READINGS]
         feed = [*FEED_COLUMNS] if assembly.conveyed else []
         feed += END_SPEEDS if assembly.growth is not None else []
         columns = (*STEP_COLUMNS, "entry_tension", "exit_tension", *feed, *names)
-        kept: Mapping[str, Any] = resumed or {"rows": {}, "time": -1.0, "turned": {}}
-        if resumed is None:
+        if not resumed:
             for stale in (*directory.glob("*.pvd"), *map(directory.joinpath, STALE_FILES)):
                 stale.unlink(missing_ok=True)
-        until, contents = None if resumed is None else kept["written"], ("strip.pvd", "rollers.pvd")
+        until, contents = kept["written"] if resumed else None, ("strip.pvd", "rollers.pvd")
         self.strip, self.rollers = (Collection(directory / name, until) for name in contents)
         tables = {"history.csv": columns, "profile.csv": PROFILE_COLUMNS}
         tables["errors.csv"] = ERROR_COLUMNS
@@ -124,12 +135,6 @@ class Recorder:
             name: History(directory / name, names, kept["rows"].get(name, 0))
             for name, names in tables.items()
         }
-        end = sum(stage.duration for stage in assembly.scene.course)  # as steps add it up
-        times = (min(t, end) for t in assembly.scene.output.times or ())
-        self.due = [t for t in times if t > kept["time"]]
-        self.surface, self.profile = FieldSampler(assembly.strip), Profile(assembly.strip)
-        self.turned = dict.fromkeys((r.name for r in assembly.rollers), 0.0) | kept["turned"]
-        self.last_checkpoint = 0.0
 
     def record(self, step: Step, before: State) -> None:
         """Write what is wanted of an accepted step: history, events, its end or instants inside."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import asdict, replace
 from functools import partial, reduce
 from operator import attrgetter
@@ -298,9 +298,14 @@ class Run:
     @property
     def end_time(self) -> float:
         """Sum of the stages' durations (s)."""
-        return sum(stage.duration for stage in self.scene.course)
+        return self.scene.ends[-1]
 
     def __iter__(self) -> Iterator[Step]:
+        with nullcontext() if self.recorder is None else self.recorder.lock:
+            yield from self._run_stages()
+
+    def _run_stages(self) -> Iterator[Step]:
+        """Take all steps that are left; then write what is read off the last state."""
         course = self.scene.course
         try:
             for stage in course[self.first_stage :]:
@@ -563,12 +568,11 @@ class Run:
     @property
     def _moved_onsets(self) -> list[str]:
         """Sentence about the first onset that is elsewhere on elements of half the length."""
-        course = self.scene.course
-        names = [stage.name for stage in course]
+        names = [stage.name for stage in self.scene.course]
         for told in self.wrinkles:
             if (there := told.get("on_halves")) is None:
                 continue
-            begin = sum(stage.duration for stage in course[: names.index(told["stage"])])
+            begin = [0.0, *self.scene.ends][names.index(told["stage"])]
             pairs = [(told[key], there[key]) for key in there if key != "time"]
             pairs.append((told["time"] - begin, there["time"] - begin))
             if any(abs(b - a) > LARGE_MESH_ERROR * abs(a) for a, b in pairs):

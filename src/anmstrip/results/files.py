@@ -14,7 +14,7 @@ from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path, PurePath
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -101,7 +101,8 @@ def atomic_write(path: AnyPath) -> Iterator[Path]:
 class DirectoryLock:
     """A directory to which one run at a time writes; a killed process leaves it free.
 
-    The system holds the lock, on a file in the directory, as long as the process lives.
+    The system holds the lock, on a file in the directory, as long as the process lives.  As a
+    context it is let go by an error, whose traceback may live on, as in a notebook.
 
     Parameters
     ----------
@@ -132,6 +133,13 @@ class DirectoryLock:
             self.release = weakref.finalize(self, _unlock, self.path, self.file)
             os.truncate(self.file, 0)
             os.write(self.file, f"in use by process {os.getpid()} on {platform.node()}".encode())
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is not None and issubclass(kind, Exception):
+            self.release()
 
     def check(self) -> None:
         """Refuse to go on writing to a directory that was emptied or replaced.

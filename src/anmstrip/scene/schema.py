@@ -7,6 +7,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from itertools import accumulate
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, Self, get_args, get_origin
 
@@ -209,6 +210,11 @@ class SceneSpec(Table):
             return self.stages
         threading = StageSpec(name=THREADING, duration=self.threading.duration, friction=False)
         return (threading, *self.stages)
+
+    @property
+    def ends(self) -> list[float]:
+        """Instants at which all stages end (s), added up one after the other as steps do."""
+        return list(accumulate(stage.duration for stage in self.course))
 
     @property
     def shapes(self) -> tuple[NaturalShape, ...]:
