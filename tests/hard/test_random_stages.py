@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,16 @@ def test_more_random_stages_end_by_statics(seed: int) -> None:
     """Lines driven, fed, slipping, and with a roller moved at a standstill and in motion."""
     ending = ending_of(drawn(seed), most=10**6)
     assert ending.kind == "right", ending
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [18, 67])
+def test_random_stages_of_shells_are_written_to_their_end(seed: int, tmp_path: Path) -> None:
+    """With their errors, modes and warnings, which a run without a directory does without."""
+    ending = ending_of(drawn(seed), most=10**6, directory=tmp_path)
+    assert ending.kind == "right", ending
+    summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    assert summary["errors"]["mesh"]["tension"] > 0.0
 
 
 def test_line_that_asks_more_than_friction_holds_is_told_so() -> None:
