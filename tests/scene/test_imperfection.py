@@ -191,18 +191,25 @@ def test_summary_of_a_shell_tells_of_wrinkles(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("share", "coil_set", "told"), [(0.9, 0.0, 0), (1.5, 0.0, 1), (1.5, 1e-3, 0)]
+    ("share", "coil_set", "yields", "told"),
+    [(0.9, 0.0, False, 0), (1.5, 0.0, False, 1), (1.5, 1e-3, False, 0), (1.5, 0.0, True, 1)],
 )
 def test_a_straight_section_is_told_that_it_has_buckled(
-    share: float, coil_set: float, told: int
+    share: float, coil_set: float, yields: bool, told: int
 ) -> None:
-    """Above Euler's force between two ends that turn; one that is bowed may bear more."""
+    """Above Euler's force between two ends that turn; one that is bowed may bear more.
+
+    Strip that can yield may have lost the bow that is proposed of other strip.
+    """
     shape = {"coil_set": coil_set} if coil_set else {}
     tables = pressed(share, kinematics="section", **shape).model_dump(exclude_unset=True)
     tables["edges"] = {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["z"]}}
+    if yields:
+        tables["material"] |= {"yield_stress": 3e8, "plasticity": {}}
     run, state = ended(Scene.model_validate(tables))
     found = list(buckled_section(state, run.scene))
     assert ["bears unbuckled" in words for words in found] == [True] * told
+    assert ["coil_set" in words for words in found] == [not yields] * told
 
 
 def test_section_does_not_pay(tmp_path, monkeypatch):
