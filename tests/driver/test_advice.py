@@ -627,7 +627,7 @@ ELSEWHERE = {
     "overstretched": "of what a last state shows",
     "unresolved_waves": "test_wrinkle_onsets.py",
     "turned_axis": "test_forewarnings.py",
-    "slides_away": "test_diagnosis.py",
+    "where_it_slides": "test_diagnosis.py",
     "_read": "of a map, in test_operating_map.py",
     "beside_rollers": "of a state beside its rollers, in test_steady.py",
     "uneven_heat": "test_diagnosis.py",

@@ -40,6 +40,7 @@ from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import THREADING
 from anmstrip.simulation.meshing import LAYER_SHARE, Nip
 from anmstrip.simulation.problem import Assembly, cheapest_order, size_of
+from anmstrip.simulation.stages import Course
 from anmstrip.timestepping.formulas import AffineVelocity
 
 NEAR_ROLLER = 2.0
@@ -153,6 +154,13 @@ class Failure:
         """Rollers that the strip lies on."""
         return [c for c in self.state.contacts.values() if c.touching.any()]
 
+    @cached_property
+    def carrying(self) -> dict[str, ContactState]:
+        """Rollers with a drive that the strip lies on."""
+        driven = {roller.name for roller in self.scene.rollers if roller.driven}
+        contacts = self.state.contacts.items()
+        return {name: c for name, c in contacts if name in driven and c.touching.any()}
+
 
 def diagnosis(failure: Failure, cause: str | None = None) -> str:
     """Say what has happened and where, then the cause, the likely one if none is known."""
@@ -206,15 +214,28 @@ def slides_away(failure: Failure) -> str | None:
     """The strip runs away over rollers that hold less than what pulls at its ends."""
     if failure.stopped.outcome is not Outcome.RAN_AWAY:
         return None
-    if (told := forewarned(failure)) is not None:
-        return told
-    driven = {roller.name for roller in failure.scene.rollers if roller.driven}
-    sliding = [name for name, c in failure.state.contacts.items() if name in driven and slides(c)]
+    return forewarned(failure) or where_it_slides(failure)
+
+
+def nothing_grips(failure: Failure) -> str | None:
+    """Steady strip with tensions at both ends slides over every roller with a drive.
+
+    As where it yields: bending it takes up tension, which statics before the run leaves out.
+    """
+    carrying, stage = failure.carrying.values(), failure.stage
+    answers = stage.steady and Course(failure.assembly).pulled(stage)
+    return where_it_slides(failure) if answers and carrying and all(map(slides, carrying)) else None
+
+
+def where_it_slides(failure: Failure) -> str:
+    """Say over which rollers the strip slides, and what helps."""
     found = [
         f"{name} ({np.degrees(reading.wrap):.3g}°, {reading.tension_in:.5g} and "
         f"{reading.tension_out:.5g} N/m)"
         for name, reading in failure.state.rollers.items()
-        if name in sliding and reading.tension_in is not None
+        if reading.tension_in is not None
+        and name in failure.carrying
+        and slides(failure.carrying[name])
     ]
     where = f"It slides over {', '.join(found)}. " if found else ""
     cure = "Try more wrap or friction there, or less difference of the tensions at its ends."
@@ -514,6 +535,7 @@ CAUSES: tuple[Callable[[Failure], str | None], ...] = (
     sharp_contact,
     stiff_friction,
     low_order,
+    nothing_grips,
     coarse,
     asked_too_much,
 )
