@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from anmstrip.cli import main
 from anmstrip.driver.sweep import Sweep
 from anmstrip.errors import InputError
-from anmstrip.pictures.report import MAX_TIMES, PLOT_DIGITS, html_tables, write_report
+from anmstrip.pictures.report import MAX_TIMES, PLOT_DIGITS, html_tables, last_surface, write_report
 from anmstrip.results.files import read_history
 from anmstrip.results.vtk import read_surface
 from browser import shown
@@ -85,6 +85,20 @@ def test_space_is_that_of_the_last_state(finished: tuple[Path, str]) -> None:
     slip = np.linalg.norm(surface.fields["slip_velocity"], axis=1)
     assert close(space["fields"]["slip_velocity"]["values"], slip)
     assert len(space["rollers"]["tones"]) == len(space["rollers"]["i"])
+
+
+def test_space_is_the_same_under_numpy_1(
+    finished: tuple[Path, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whose np.unique gives a flat inverse."""
+    expected, unique = last_surface(finished[0]), np.unique
+
+    def flat(values: Any, **options: Any) -> Any:
+        found = unique(values, **options)
+        return (found[0], *(each.ravel() for each in found[1:])) if options else found
+
+    monkeypatch.setattr(np, "unique", flat)
+    assert last_surface(finished[0]) == expected
 
 
 def test_bends_of_strip_that_yields_have_their_table() -> None:
