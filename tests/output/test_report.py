@@ -87,20 +87,6 @@ def test_space_is_that_of_the_last_state(finished: tuple[Path, str]) -> None:
     assert len(space["rollers"]["tones"]) == len(space["rollers"]["i"])
 
 
-def test_space_is_the_same_under_numpy_1(
-    finished: tuple[Path, str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Whose np.unique gives a flat inverse."""
-    expected, unique = last_surface(finished[0]), np.unique
-
-    def flat(values: Any, **options: Any) -> Any:
-        found = unique(values, **options)
-        return (found[0], *(each.ravel() for each in found[1:])) if options else found
-
-    monkeypatch.setattr(np, "unique", flat)
-    assert last_surface(finished[0]) == expected
-
-
 def test_bends_of_strip_that_yields_have_their_table() -> None:
     """Of rollers that bend it; a section has no crossbow."""
     bend = {

@@ -243,8 +243,7 @@ def last_surface(folder: Path) -> dict[str, Any] | None:
     fine = len(surface.points) <= MAX_SURFACE_POINTS
     corners = {16: [0, 3, 15, 12], 21: [0, 5, 20]}.get(surface.cells.shape[1])
     cells = subdivide(surface.cells) if fine or corners is None else surface.cells[:, corners]
-    used, inverse = np.unique(cells, return_inverse=True)
-    cells = inverse.reshape(cells.shape)  # flat in numpy 1
+    used, cells = np.unique(cells, return_inverse=True)
     fields = {
         name: {
             "label": FIELDS[name].label,
