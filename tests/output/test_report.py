@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from anmstrip.cli import main
 from anmstrip.driver.sweep import Sweep
 from anmstrip.errors import InputError
-from anmstrip.pictures.report import MAX_TIMES, PLOT_DIGITS, html_tables, last_surface, write_report
+from anmstrip.pictures.report import MAX_TIMES, PLOT_DIGITS, html_tables, write_report
 from anmstrip.results.files import read_history
 from anmstrip.results.vtk import read_surface
 from browser import shown
