@@ -109,7 +109,7 @@ exit.move = [-0.01, 0.0, 0.0]
     pressed = re.search(r"pressed at x = (\S+) m with (\S+) N/m, and buckles", message)
     assert pressed is not None
     strain = 0.01 * results.history["time"][-1] / 2.0 / 4.0
-    assert float(pressed[2]) == pytest.approx(E * T * strain, rel=2e-3)
+    assert float(pressed[2]) == pytest.approx(E * T * strain, rel=5e-3)  # three digits are told
     # beyond π² D/(4 h)² of an element of 0.25 m, which is what it bears
     assert float(pressed[2]) > np.pi**2 * E * T**3 / 12.0 / (1.0 - NU**2) / (4 * 0.25) ** 2
     assert (float(pressed[1]) + 2.0) / 0.25 % 1.0 == pytest.approx(0.5, abs=0.02)
