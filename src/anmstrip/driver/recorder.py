@@ -299,7 +299,8 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any], file: str) ->
             expected = f"{was}, with which this run began; what is there would not fit the rest"
             whole = not any(cut in was for cut in ("…", "..."))
             table = ".".join(key.split(".")[:2])  # as stages.turn, which may not be there
-            named = key.split(".")[0] not in UNTYPED_KEYS or any(k.startswith(table) for k in new)
+            named = key.split(".")[0] not in UNTYPED_KEYS
+            named = named or any(f"{k}.".startswith(f"{table}.") for k in new)
             typed = key in old and key not in UNTYPED_KEYS and whole and named
             back = f"--set {shlex.quote(f'{key}={was}')}, or " * typed
             yield Mistake(file, key, new.get(key), expected, back + START_AFRESH)
