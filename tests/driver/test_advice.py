@@ -145,6 +145,21 @@ TIPPING = merged(  # drawn as if the plate began at x = 0
     edges={"entry": {"fixed": ["x"]}},
     stages=PLATE["stages"][:1],
 )
+BENDER: dict[str, Any] = {  # drawn as if the plate began at x = 0
+    "strip": {"kinematics": "section", "length": 0.8, "width": 0.5, "thickness": 6e-3},
+    "material": {"young": 2.1e11, "poisson": 0.3, "yield_stress": 3e8, "plasticity": {}},
+    "contact": {},
+    "rollers": [
+        {"name": "l", "radius": 0.05, "centre": [0.2, 0.0, -0.05]},
+        {"name": "r", "radius": 0.05, "centre": [0.6, 0.0, -0.05]},
+        {"name": "top", "radius": 0.05, "centre": [0.4, 0.0, 0.05]},
+    ],
+    "edges": {"entry": {"fixed": ["x"]}},
+    "stages": [
+        {"name": "press", "duration": 1.0, "rollers": {"top": {"move": [0.0, 0.0, -8e-3]}}},
+        {"name": "lift", "duration": 1.0, "rollers": {"top": {"move": [0.0, 0.0, 0.0]}}},
+    ],
+}
 BLOWN = merged(
     BRIDLE,
     threading={"tension": 1e4, "entry": [-2.0, 0.0, 0.0], "exit": [2.0, 0.0, -1.0]},
@@ -252,6 +267,9 @@ MORE: list[tuple[dict[str, Any], str, list[str]]] = [
     (CAPSTAN, "there is no stationary state", ["stages.run.entry.tension=8.8e3"]),
     (TIPPING, "tips over in stage settle: the rollers below it, from x = 0.4 to 1.2 m",
      [f"rollers.r{k + 1}.centre=[{x}, 0.0, -0.15]" for k, x in enumerate(PLACES[:5])]),
+    (BENDER, "roller r is 0.2 m past an end of the strip, which lies from x = -0.4 to 0.4 m",
+     [f"rollers.{name}.centre=[{x}, 0, {z}]" for name, x, z in
+      (("l", -0.2, -0.05), ("r", 0.2, -0.05), ("top", 0.0, 0.05))]),
 ]  # fmt: skip
 """Scenes, words of what is told of them, and what is typed of advice that leaves a choice."""
 

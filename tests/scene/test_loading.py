@@ -140,7 +140,7 @@ def test_override_may_mend_the_file(tmp_path: Path) -> None:
         ("contact.eta=1e9", "below stiffness × delta"),
         ("rollers.r1.torque=1", "another table, [[stages]] rollers.NAME.torque"),
         ("rollers.r1.torque=1", ", as stages.turn.rollers.r1.torque"),
-        ("strip.tension=1", "another table, [threading] tension or [[stages]] NAME.tension"),
+        ("strip.tension=1", "another table, [threading] tension or [[stages]] EDGE.tension"),
         ("strip.mode=1", "another table, [strip] imperfection.mode"),
     ],
 )

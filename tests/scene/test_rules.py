@@ -644,3 +644,11 @@ def test_sides_in_other_words(word: str, meant: str) -> None:
     with pytest.raises(InputError) as found:
         Scene.from_tables(tables, "line.toml")
     assert [m.hint for m in found.value.mistakes if m.key.endswith("wrap")] == [f'wrap = "{meant}"']
+
+
+def test_a_speed_of_a_roller_is_that_of_its_surface() -> None:
+    tables = tomllib.loads(f'{GOOD}\n[[rollers]]\nname = "r1"\nradius = 0.1\ncentre = [0, 0, -1]\n')
+    tables["stages"][0]["rollers"] = {"r1": {"speed": 2.0}}
+    with pytest.raises(InputError) as found:
+        Scene.from_tables(tables, "line.toml")
+    assert "surface_speed = 2" in [mistake.hint for mistake in found.value.mistakes]

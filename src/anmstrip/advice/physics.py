@@ -192,13 +192,48 @@ def roller_in_the_way(preview: Preview) -> Iterator[str]:
             )
 
 
+def beyond_flat_strip(preview: Preview) -> dict[str, float]:
+    """Rollers past an end of flat strip that stays where it is, and how far past (m).
+
+    A drawing may count from the entry, and a rectangle lies about the origin.
+    """
+    assembly, scene = preview.assembly, preview.assembly.scene
+    ends = [end for stage in scene.stages for end in stage.edges.values()]
+    turns = [turn for stage in scene.stages for turn in stage.rollers.values()]
+    led = any(end.move or end.velocity or end.speed or end.release for end in ends)
+    driven = any(turn.surface_speed or turn.angular_speed or turn.torque for turn in turns)
+    held = any("x" in edge.fixed for edge in scene.edges.values())
+    if assembly.thread is not None or led or driven or not held:
+        return {}
+    first, last = assembly.strip.span
+    found = dict[str, float]()
+    for roller in assembly.rollers:
+        key = f"rollers.{roller.name}.centre"
+        x = [plan.controls.at(t)[key][0] for plan in preview.plans for t in (0.0, 1.0)]
+        past = min(max(first - each, each - last) for each in x)
+        if past > roller.radius and abs(roller.unit_axis[1]) > 0.1:
+            found[roller.name] = past
+    return found
+
+
+def roller_beyond_strip(preview: Preview) -> Iterator[str]:
+    """Rollers that flat strip does not reach along itself."""
+    first, last = np.array(preview.assembly.strip.span) + preview.assembly.origin[0]
+    for name, past in beyond_flat_strip(preview).items():
+        yield (
+            f"roller {name} is {past:.3g} m past an end of the strip, which lies from x = "
+            f"{first:g} to {last:g} m and stays there. Try another rollers.{name}.centre."
+        )
+
+
 def untouched_roller(preview: Preview) -> Iterator[str]:
     """Rollers that the strip never touches, or comes off when they move."""
     scene, thread = preview.assembly.scene, preview.assembly.thread
     if scene.contact is None or distributed_load(scene):
         return
+    beyond = beyond_flat_strip(preview)
     for roller in preview.assembly.rollers:
-        if not abs(roller.unit_axis[1]) > 0.1:
+        if not abs(roller.unit_axis[1]) > 0.1 or roller.name in beyond:
             continue
         gap = min(string.gaps.get(roller.name, 0.0) for string in preview.strings)
         if preview.turn(roller) == 0.0 and gap > GRAZING_DEPTH * roller.radius:

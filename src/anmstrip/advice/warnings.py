@@ -116,7 +116,8 @@ def serious(preview: Preview) -> list[str]:
 def serious_as_meant(preview: Preview) -> list[str]:
     """Return the same of a scene in which no value is likely to be in another unit."""
     if preview.tension == 0.0:  # the others compare with it
-        return [*unheld_strip(preview), *physics.tips_over(preview)]
+        rules = (unheld_strip, physics.roller_beyond_strip, physics.tips_over)
+        return [told for rule in rules for told in rule(preview)]
     return [told for rule in SERIOUS_RULES for told in rule(preview)]
 
 
@@ -708,6 +709,7 @@ def needless_shell(preview: Preview) -> Iterator[str]:
 
 SERIOUS_RULES = (
     physics.roller_in_the_way,
+    physics.roller_beyond_strip,
     physics.meeting_rollers,
     physics.turned_axis,
     physics.roller_over_an_end,

@@ -430,6 +430,9 @@ SLIDING_SHARE = 0.5
 """Share of friction from which on strip that sticks nowhere is said to slide.  With less of it
 fibres creep to and fro, as over a crown, and rollers carry the strip all the same."""
 
+TORQUE_DIGITS = 1e-7
+"""Torque over that of the normal force at the radius, below which it is what solving leaves of 0."""
+
 RUNAWAY_SLIP = 30.0
 """Slip over the largest given speed that no roller of a line has."""
 
@@ -490,7 +493,9 @@ def roller_table(state: State) -> Table:
     table = plain_table(f"Rollers at t = {state.time:.6g} s", "\nroller", *heads, *more, *sideways)
     for name, r in state.rollers.items():
         used = "–" if r.capacity_used is None else f"{100.0 * r.capacity_used:.3g} %"
-        values = (np.degrees(r.wrap), r.tension_in, r.tension_out, r.normal_force, r.torque)
+        seen = TORQUE_DIGITS * r.normal_force * state.contacts[name].roller.radius
+        torque = r.torque if abs(r.torque) > seen else 0.0
+        values = (np.degrees(r.wrap), r.tension_in, r.tension_out, r.normal_force, torque)
         read = None if slip_runs_away(state, r) else r.max_slip, r.line_load_in, r.line_load_out
         slip, *loads = (cell(value, ".3g") for value in read)
         arc = cell(None if r.slip_arc is None else np.degrees(r.slip_arc), ".3g")

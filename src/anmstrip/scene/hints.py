@@ -38,6 +38,7 @@ OTHER_NAMES = {
     "alpha": ("expansion", 1.0),
     "mu": ("coefficient", 1.0),
     "rpm": ("angular_speed", math.pi / 30.0),
+    "speed": ("surface_speed", 1.0),
     **dict.fromkeys(("frequency", "interval"), ("every", 1.0)),
 }
 """Names of other programs for a key of ours, and what its value is of theirs."""
@@ -64,6 +65,7 @@ FOREIGN_KEYS = {
     ),
     "tilt": "axis = [0.0, 1.0, 0.001], for an end at +y that is higher by 1 mrad",
     "temperature": "temperatures are those of the strip, strip.temperature",
+    "speed": "the speed of its surface in a stage, rollers.NAME.surface_speed = 1.0",
 }
 """Keys of rollers in other programs, and what to type instead."""
 

@@ -627,7 +627,7 @@ def keys_of(table: type[BaseModel], key: str, outermost: bool = True) -> Iterato
         if outermost:
             title = f"[[{name}]] " if kind is tuple else f"[{name}{'.NAME' * (kind is dict)}] "
         else:
-            title = "NAME." if name == "edges" else f"{name}.{'NAME.' * (kind is dict)}"
+            title = "EDGE." if name == "edges" else f"{name}.{'NAME.' * (kind is dict)}"
         for inner in inner_tables(field):
             found = [key] * (key in inner.model_fields) + list(keys_of(inner, key, False))
             yield from (title + each for each in found)
