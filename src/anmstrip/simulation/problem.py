@@ -433,7 +433,7 @@ class Assembly:
         Layers that flow are taken to the finer mesh of a section, and in stationary states, whose
         past is all upstream; in time it would be that of every point.
         """
-        few = int(2 ** self.strip.mesh.dim()) * self.unknowns <= MAX_HALVED_UNKNOWNS
+        few = int(2 ** self.strip.mesh.dim()) * self.coupled <= MAX_HALVED_UNKNOWNS
         steady = self.kinematics is SECTION and all(s.steady for s in self.scene.stages)
         return few and (self.flow is None or steady)
 
