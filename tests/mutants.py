@@ -926,6 +926,8 @@ YIELD = (
            "VON_MISES[len(self.strain)]", "plasticity"),
     Mutant("what flows throughout is elastic", "begun = np.minimum((high",
            "begun = np.maximum((high", "plasticity"),
+    Mutant("flow level by the layers that hardly flow", "* (self.stress * rates).sum(axis=0)",
+           "", "plasticity"),
     Mutant("power of half of the stress", '"l,klp->p", weights, work)',
            '"l,klp->p", 0.5 * weights, work)', "plasticity"),
     Mutant("power of the middle as that of its fibres", "(1.0 / self.effect.contracting - 1.0)",

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import fsolve
 
 from anmstrip import InputError, Scene
 from anmstrip.driver.explain import report
@@ -314,7 +315,11 @@ def test_strip_that_is_straightened_elastically_keeps_the_curl_that_it_has_on_th
 
 BENT = {
     "strip": {"kinematics": "section", "length": 0.1, "width": 1.0, "thickness": THICKNESS},
-    "material": {**TABLES["material"], "poisson": 0.3, "plasticity": {"exponent": 301}},
+    "material": {
+        **TABLES["material"],
+        "poisson": 0.3,
+        "plasticity": {"exponent": 301, "reference_rate": 0.1},
+    },
     "edges": {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["z"]}},
     "stages": [
         {"duration": 1.0, "entry": {"moment": 70.0}, "exit": {"moment": 70.0}},
@@ -692,3 +697,131 @@ def test_strip_that_is_stretched_and_pushed_back_is_told_to_buckle(
         ] == pytest.approx(pressed, rel=0.02)
         column = np.pi**2 * 7e10 * 2.7e-8 / 12.0 / (1.0 - 0.33**2)
         assert any(f"wrinkles are likely above about {column:.3g} N/m" in w for w in run.warnings)
+
+
+# the rate that is guessed ---------------------------------------------------------------------
+
+WIDE = {"young": 2.1e11, "poisson": 0.3, "yield_stress": YIELD, "plasticity": {}}
+"""As an engineer types it: no rate."""
+
+PLATE, HALF, ROLL, STROKE = 6e-3, 0.2, 0.05, 12e-3
+PRESSED = {
+    "strip": {"kinematics": "section", "length": 0.8, "width": 0.5, "thickness": PLATE, "finer": 4},
+    "material": WIDE,
+    "contact": {},
+    "rollers": [
+        {"name": "l", "radius": ROLL, "centre": [-HALF, 0.0, -ROLL]},
+        {"name": "r", "radius": ROLL, "centre": [HALF, 0.0, -ROLL]},
+        {"name": "top", "radius": ROLL, "centre": [0.0, 0.0, ROLL]},
+    ],
+    "edges": {"entry": {"fixed": ["x"]}},
+    "stages": [
+        {"name": "press", "duration": 1.0, "rollers": {"top": {"move": [0.0, 0.0, -STROKE]}}}
+    ],
+}
+
+
+def test_a_plate_that_a_roller_bends_bears_what_its_yield_stress_says(claim):
+    """An elastica with M(κ) of an ideally plastic section, M_e (3 − (κ_e/κ)²)/2, on two rollers."""
+    rigidity = WIDE["young"] * PLATE**3 / 12.0 / (1.0 - WIDE["poisson"] ** 2)
+    first = 2.0 / np.sqrt(3.0) * YIELD * PLATE**2 / 6.0
+
+    def curvature(moment):
+        m = moment / first
+        return first / rigidity * (m if m <= 1.0 else 1.0 / np.sqrt(3.0 - 2.0 * m))
+
+    def missed(given):
+        """What x and z of the middle are wrong by, from a roller with N (10 kN/m) at the slope."""
+        force, slope = 1e4 * given[0], given[1]
+
+        def turning(_, y):
+            moment = force * (y[0] * np.cos(slope) - y[1] * np.sin(slope))
+            return [np.cos(y[2]), np.sin(y[2]), curvature(moment)]
+
+        def level(_, y):
+            return y[2]
+
+        level.terminal, level.direction = True, 1.0
+        path = solve_ivp(
+            turning, (0.0, 1.0), [0.0, 0.0, -slope], events=level, max_step=2e-3, rtol=1e-8
+        )
+        x, z, _ = path.y[:, -1]
+        return [x + ROLL * np.sin(slope) - HALF, z - ROLL * (1.0 - np.cos(slope)) + STROKE]
+
+    force, slope = fsolve(missed, [1.5, 1.2 * STROKE / HALF])
+    expected = 2.0 * 1e4 * force * np.cos(slope) * PRESSED["strip"]["width"]
+    *_, last = Scene.from_tables(PRESSED, "press.toml").run()
+    told = "force of a roller that bends a plate by 12 mm, with the rate that is guessed"
+    claim(told, last.state.rollers["top"].normal_force, expected, 0.01, "ideally plastic elastica")
+
+
+def line_of(radius, centres, speeds, tension, coefficient):
+    """A steady line of rollers, over and under, of 1 mm strip."""
+    names = [f"r{k + 1}" for k in range(len(centres))]
+    ends = [[centres[0][0] - 2.0, 0.0, 0.5], [centres[-1][0] + 2.0, 0.0, 0.5]]
+    return {
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 1e-3},
+        "material": {**WIDE, "yield_stress": 1.5e8},
+        "contact": {},
+        "friction": {"coefficient": coefficient},
+        "threading": {"tension": 5e4, "entry": ends[0], "exit": ends[1]},
+        "rollers": [
+            {"name": name, "radius": radius, "centre": [x, 0.0, z], "wrap": wrap,
+             "drive": "idle" if v is None else "speed"}
+            for name, (x, z, wrap), v in zip(names, centres, speeds, strict=True)
+        ],
+        "stages": [
+            {"name": "run", "steady": True, "entry": {"tension": tension},
+             "exit": {"tension": tension},
+             "rollers": {
+                 name: {"surface_speed": v}
+                 for name, v in zip(names, speeds, strict=True) if v is not None
+             }},
+        ],
+    }  # fmt: skip
+
+
+STRETCHED = line_of(0.5, [(0.0, 0.5, "under"), (4.0, 0.5, "under")], [1.0, 1.01], 9e4, 1.5)
+LEVELLED = line_of(
+    0.04,
+    [(0.0, 0.0, "over"), (0.15, 0.0, "under"), (0.3, 0.0, "over")],
+    [2.0, None, None],
+    6e4,
+    0.2,
+)
+
+
+@pytest.mark.parametrize("tables", [STRETCHED, LEVELLED])
+def test_strip_flows_at_about_its_yield_stress_where_no_rate_is_typed(tables):
+    *_, last = Scene.from_tables(tables, "line.toml").run()
+    assert YieldedStrip.of(last.state).flow_level == pytest.approx(1.0, abs=0.02)
+
+
+def test_strip_that_flows_at_another_rate_is_told_what_to_type(tmp_path):
+    """Pulled out at v it flows at v/L, and at (v/L ε₀)^(1/n) of its yield stress."""
+    speed, length, duration = 0.02, 2.0, 1.0
+    tables = {
+        "strip": {"kinematics": "section", "length": length, "width": 1.0, "thickness": THICKNESS},
+        "material": {**WIDE, "poisson": 0.0, "plasticity": {"uniaxial": True}},
+        "edges": {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["x", "z"]}},
+        "stages": [
+            {"name": "start", "duration": 0.1, "exit": {"velocity": [speed, 0.0, 0.0]}},
+            {"name": "pull", "duration": duration},
+            {"name": "long", "duration": 1e-3},
+        ],
+    }  # fmt: skip
+
+    def level(name, *settings):
+        found = Scene.from_tables(tables, "pull.toml", settings).run(tmp_path / name)
+        *_, last = found
+        guess = last.state.plasticity.flow.rate
+        told = json.loads((tmp_path / name / "summary.json").read_text())["flow_level"]
+        rate = speed / (length + speed * duration)
+        assert told == pytest.approx((rate / guess) ** (1.0 / 51.0), rel=3e-3)
+        assert f"flows at {told:.3f} times its yield stress" in report(found)
+        return told, [words for words in found.warnings if "reference_rate" in words]
+
+    told, (words,) = level("guessed")
+    assert abs(told - 1.0) > 0.03
+    told, warned = level("typed", words.rpartition("--set ")[2])
+    assert told == pytest.approx(1.0, abs=0.005) and not warned

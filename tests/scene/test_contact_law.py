@@ -201,3 +201,25 @@ def test_a_roller_that_stretches_held_strip_is_hard() -> None:
     assert tension_of_moves(scene) == pytest.approx(tension, rel=2e-2)
     assert last.state.tension("exit") == pytest.approx(tension, rel=2e-3)
     assert last.tangents <= 8
+
+
+def test_strip_whose_end_travels_bears_what_that_stretches() -> None:
+    """In time as by a move: at a scale of D/L² the steps of a tensile test were 900, of 1 µs."""
+    held = {"fixed": ["x", "z"]}
+    tables = {
+        "strip": {"kinematics": "section", "length": 2.0, "width": 1.0, "thickness": 1e-3},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "edges": {"entry": held, "exit": held},
+        "stages": [
+            {"name": "start", "duration": 0.5, "exit": {"velocity": [2e-3, 0.0, 0.0]}},
+            {"name": "pull", "duration": 1.5},
+            {"name": "follow", "duration": 1.0, "entry": {"velocity": [4e-3, 0.0, 0.0]}},
+        ],
+    }
+    way, stiffness = 3.5e-3, 2e11 * 1e-3  # 0.5 mm in the first stage, 3 mm in the second; then 0
+    assert tension_of_moves(Scene.model_validate(tables)) == pytest.approx(stiffness * way / 2.0)
+    tables["material"] |= {"yield_stress": 3e8, "plasticity": {}}
+    scene = Scene.model_validate(tables)
+    assert tension_of_moves(scene) == pytest.approx(2.0 / math.sqrt(3.0) * 3e8 * 1e-3)
+    *_, last = scene.run()
+    assert last.tangents < 100

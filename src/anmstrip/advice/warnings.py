@@ -29,6 +29,7 @@ from anmstrip.simulation.defaults import (
     bending_stiffness,
     boundary_layer,
     elastic_creep,
+    fastest,
     largest_force,
 )
 from anmstrip.simulation.meshing import (
@@ -319,6 +320,28 @@ def overstretched(state: State, scene: SceneSpec) -> Iterator[str]:
         yield (
             f"the strip is pulled by up to {most:.3g} N/m, and yields at {limit:.3g} N/m: what is "
             f"held or moved stretches it. Try {f'--set {cure}' if held else 'smaller moves'}"
+        )
+
+
+FLOW_ERROR = 0.03
+"""Share of the yield stress by which strip may flow at another, of a scene without its rate."""
+
+
+def guessed_rate(state: State, scene: SceneSpec) -> Iterator[str]:
+    """Yield a rate to type where strip flows at another than was guessed for it."""
+    from anmstrip.results.plastic import YieldedStrip
+
+    spec, strip = scene.material.plasticity, YieldedStrip.of(state)
+    if spec is None or spec.reference_rate is not None or strip is None:
+        return
+    level = strip.flow_level
+    if level is not None and abs(level - 1.0) > FLOW_ERROR:
+        guess = strip.flow.rate * ((fastest(scene) or 1.0) if state.plan.steady else 1.0)
+        rate = guess * level**strip.flow.exponent
+        yield (
+            f"the strip flows at {level:.3g} times its yield stress: at about {rate:.2g} 1/s, "
+            f"where {guess:.2g} 1/s were guessed. "
+            f"Try --set material.plasticity.reference_rate={rate:.2g}"
         )
 
 
@@ -746,6 +769,7 @@ RULES_AT_END = (
     overstretched,
     buckled_section,
     unresolved_waves,
+    guessed_rate,
 )
 
 

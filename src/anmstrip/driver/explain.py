@@ -123,11 +123,7 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
         law, given = assembly.signorini, scene.contact.constants or scene.contact.onset
         resolved = "" if given else ", as the mesh resolves"
         yield f"Contact: {law.words}, setting in over {law.width:.3g} m{resolved}."
-    if scene.friction is not None and assembly.friction is not None:
-        speed = assembly.friction.speed
-        why = "" if scene.friction.speed else f", {origin_of_slip_speed(scene, speed)}"
-        why += words_at_rest(assembly)
-        yield f"Friction: {scene.friction.law}, V_c = {speed:.3g} m/s{why}."
+    yield from rate_lines(assembly)
     scales = assembly.scales
     yield (
         f"Errors are relative to {scales.length:g} m (positions), {scales.force:g} N (imbalance) "
@@ -138,6 +134,19 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
     if own in against:
         yield f"Warning: kinematics {own} does not see that {against[own]}."
     yield from (f"Warning: {line}" for line in warnings(preview))
+
+
+def rate_lines(assembly: Assembly) -> Iterator[str]:
+    """Yield the rates that the laws of flow and friction refer to, and where they come from."""
+    scene = assembly.scene
+    if (p := scene.material.plasticity) is not None:
+        rate, why = p.reference_rate or assembly.usual_rate, "" if p.reference_rate else ", a guess"
+        yield f"Flow: at the yield stress at a strain rate of {rate:.3g} 1/s{why}."
+    if scene.friction is not None and assembly.friction is not None:
+        speed = assembly.friction.speed
+        why = "" if scene.friction.speed else f", {origin_of_slip_speed(scene, speed)}"
+        why += words_at_rest(assembly)
+        yield f"Friction: {scene.friction.law}, V_c = {speed:.3g} m/s{why}."
 
 
 def origin_of_slip_speed(scene: SceneSpec, speed: float) -> str:
@@ -431,7 +440,7 @@ SLIDING_SHARE = 0.5
 fibres creep to and fro, as over a crown, and rollers carry the strip all the same."""
 
 TORQUE_DIGITS = 1e-7
-"""Torque over that of the normal force at the radius, below which it is what solving leaves of 0."""
+"""Torque over that of the normal force at the radius, below which it is a zero as it is solved."""
 
 RUNAWAY_SLIP = 30.0
 """Slip over the largest given speed that no roller of a line has."""
@@ -514,27 +523,29 @@ def bend_table(state: State) -> list[str | Table]:
     title = "Bends, and the curl and crossbow of unloaded strip behind the roller"
     heads = ("curvature\n(1/m)", "moment\n(N)", "plastic\nshare", "curl\n(1/m)", "crossbow\n(1/m)")
     table = plain_table(title, "\nroller", *heads, "elongation\n(1)", "power\n(W)")
-    layers = YieldedStrip.of(state)
+    layers, parts = YieldedStrip.of(state), list[str | Table]()
     if layers is None:
         return []
     bends = layers.rollers()
+    if (level := layers.flow_level) is not None:
+        parts = [f"By its rate, the strip flows at {level:.3f} times its yield stress."]
     if not bends:
         x, _ = layers.stations
         left = layers.mean(layers.residual_curvature[0])
         k = int(np.abs(left).argmax())
-        if np.abs(left[k]) <= DISPLAYED_ZERO:
-            return []
-        where = f"{cell(left[k])} 1/m, {cell(x[k])} m from the entry"
-        return [f"The largest curl that is left in the strip, unloaded: {where}."]
+        if np.abs(left[k]) > DISPLAYED_ZERO:
+            where = f"{cell(left[k])} 1/m, {cell(x[k])} m from the entry"
+            parts.append(f"The largest curl that is left in the strip, unloaded: {where}.")
+        return parts
     for name, b in bends.items():
         values = b.curl, b.crossbow, b.elongation, b.yield_power
         share, told = f"{100.0 * b.plastic_share:.3g} %", [cell(value) for value in values]
         table.add_row(name, cell(b.curvature), cell(b.moment), share, *told)
-    if not state.plan.steady:
-        return [table]
-    last = [*bends.values()][-1]
-    across = "" if last.crossbow is None else f" and a crossbow of {cell(last.crossbow)} 1/m"
-    return [table, f"Delivered, unloaded: a curl of {cell(last.curl)} 1/m{across}."]
+    if state.plan.steady:
+        last = [*bends.values()][-1]
+        across = "" if last.crossbow is None else f" and a crossbow of {cell(last.crossbow)} 1/m"
+        parts.append(f"Delivered, unloaded: a curl of {cell(last.curl)} 1/m{across}.")
+    return [table, *parts]
 
 
 def cell(value: float | None, form: str = ".4g") -> str:

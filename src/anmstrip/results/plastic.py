@@ -162,6 +162,20 @@ class YieldedStrip:
         return np.asarray(found * speed)
 
     @cached_property
+    def flow_level(self) -> float | None:
+        """Share of its yield stress at which the strip flows, the mean by power; None at rest.
+
+        At the rate ε_p' a fibre flows at (ε_p'/ε₀)^(1/n) of it.
+        """
+        if not self.effect.operator.flows or not self.plastic_share.any():
+            return None
+        share = self.effect.share(self.state.controls)
+        rates = self.flow.rates(self.stress, self.internal, share)[: len(self.stress)]
+        level = self.level(self.flow.driving(self.stress, self.internal) * share)
+        weights = np.multiply.outer(self.effect.layers.weights, self.strip.weights().ravel())
+        return float(np.average(level, weights=weights * (self.stress * rates).sum(axis=0)))
+
+    @cached_property
     def stations(self) -> tuple[Array, Index]:
         """Arc lengths (m), ascending, and the number of each point among them."""
         return stations(self.strip, self.x)

@@ -311,8 +311,9 @@ class PlasticitySpec(Table):
 
     exponent: Annotated[Integer, Field(ge=3, le=301)] = Field(51, examples=["51"])
     """exponent n of the stress, an odd integer from 3 to 301 (1)"""
-    reference_rate: Positive = Field(0.1, examples=["0.1"])
-    """strain rate ε₀ at which the stress is the yield stress, a number above 0 (1/s)"""
+    reference_rate: Positive | None = Field(None, examples=["0.1"])
+    """strain rate ε₀ at which the stress is the yield stress, a number above 0; left out: about
+    that of the strip's bends (1/s)"""
     isotropic_hardening: NotNegative = Field(0.0, examples=["1.0e9"])
     """growth of the yield stress with plastic strain, a number of at least 0 (Pa)"""
     kinematic_hardening: NotNegative = Field(0.0, examples=["1.0e9"])

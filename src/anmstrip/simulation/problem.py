@@ -45,6 +45,8 @@ from anmstrip.scene.tables import ENDS, I_UNIT, THREADING, FieldSpec, NaturalSha
 from anmstrip.simulation.defaults import (
     distributed_load,
     eigenstrain,
+    fastest,
+    flow_rate,
     largest_force,
     line_speed,
     resting_speed,
@@ -65,7 +67,6 @@ from anmstrip.simulation.meshing import (
     nipping_rollers,
     shortest_wanted,
     strip_mesh,
-    surface_speed,
 )
 from anmstrip.simulation.threading import Thread, thread_of
 
@@ -438,6 +439,15 @@ class Assembly:
         return few and (self.flow is None or steady)
 
     @cached_property
+    def usual_rate(self) -> float:
+        """Rate (1/s) at which strip that can yield flows, of a scene that gives none."""
+        turns = dict[str, float]()
+        if self.thread is not None:
+            found = self.thread.middle.arcs.turn[:, 0].tolist()
+            turns = dict(zip((r.name for r in self.thread.rollers), found, strict=True))
+        return flow_rate(self.scene, turns)
+
+    @cached_property
     def flow(self) -> FlowLaw | None:
         """Flow law of the scene's material, if it yields.
 
@@ -453,7 +463,7 @@ class Assembly:
         given: dict[str, Any] = {
             "yield_stress": held * m.yield_stress,
             "exponent": p.exponent,
-            "rate": p.reference_rate,
+            "rate": p.reference_rate or self.usual_rate,
             "isotropic": held**2 * p.isotropic_hardening,
             "kinematic": held**2 * p.kinematic_hardening,
             "equivalent": 1.0 / held,
@@ -489,11 +499,7 @@ class Assembly:
         """Plastic flow along the strip in stationary states, at the speed of the fastest roller."""
         if self.flow is None:
             return None
-        speeds = [stage.strip.speed for stage in self.scene.stages if stage.strip.speed]
-        for stage in self.scene.stages:
-            controls = ((stage.rollers.get(roller.name), roller) for roller in self.rollers)
-            speeds += [v for c, roller in controls if (v := surface_speed(c, roller))]
-        flow = replace(self.flow, rate=self.flow.rate / max(map(abs, speeds), default=1.0))
+        flow = replace(self.flow, rate=self.flow.rate / (fastest(self.scene) or 1.0))
         return self._plasticity(flow, False, True)
 
     def plasticity(self, stage: StageSpec) -> Plasticity | None:
