@@ -210,3 +210,38 @@ def test_a_roller_that_few_points_touch_is_not_dated_with_every_one_that_passes(
         tangents.append(run.cost.expansions)
     assert flickers > 50
     assert tangents[1] < 2 * tangents[0]
+
+
+RISING: dict[str, Any] = {
+    "strip": {"kinematics": "section", "length": 3.0, "width": 0.8, "thickness": 6e-4},
+    "material": {"young": 2e11, "poisson": 0.3},
+    "contact": {},
+    "friction": {"coefficient": 0.25},
+    "rollers": [{"name": "r", "radius": 0.2, "centre": [0.0, 0.0, -0.20001]}],
+    "edges": {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["x", "z"]}},
+    "stages": [
+        {"name": "start", "duration": 0.3, "exit": {"move": [1e-3, 0.0, 0.0]},
+         "rollers": {"r": {"move": [0.0, 0.0, 0.02], "surface_speed": 1.0}}},
+    ],
+    "output": {"events": True},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("most", [1, 4, 12])
+def test_the_first_step_that_is_watched_may_have_an_event_of_a_roller(
+    most: int, tmp_path: Path
+) -> None:
+    """A run that goes on from its files looks at its points anew, and halves that step, too."""
+    rising = Scene.model_validate(RISING)
+    list(rising.run(tmp_path / "whole"))
+    few = Scene.from_tables(RISING, "rising.toml", [f"solver.max_steps={most}"])
+    list(few.run(tmp_path / "broken"))
+    list(rising.run(tmp_path / "broken", resume=True))
+    whole, broken = ((tmp_path / n / "events.csv").read_text() for n in ("whole", "broken"))
+    assert whole == broken and whole.count("\n") > 2
+
+
+def test_a_first_step_of_fixed_length_is_halved_for_its_events() -> None:
+    run = Scene.from_tables(RISING, "rising.toml", ["solver.time_step=0.1"]).run()
+    events = [event for step in run for event in step.events]
+    assert run.outcome.done and any(event.point is None for event in events)

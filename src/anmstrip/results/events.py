@@ -202,13 +202,13 @@ class EventWatch:
             return self._between(before, state)
 
         def halved(begin: State, end: State) -> tuple[Event, ...]:
-            kept = deepcopy(self.watches), self.touching.copy(), self.sticking.copy()
+            kept = deepcopy(self.watches), self.touching.copy(), self.sticking.copy(), self.plan
             found, length = self._between(begin, end), end.time - begin.time
             whole = Counter(event.roller for event in found if event.point is None)
             flickers = max(whole.values(), default=0) > MAX_DATED
             if not whole or flickers or length <= self.tolerance * plan.duration:
                 return found
-            self.watches, self.touching, self.sticking = kept
+            self.watches, self.touching, self.sticking, self.plan = kept
             middle = state.at(begin.time + 0.5 * length, before)
             return (*halved(begin, middle), *halved(middle, replace(end, step=None)))
 
