@@ -674,3 +674,12 @@ def test_a_step_of_tension_at_a_standstill_leaves_what_friction_holds() -> None:
     held = 1.6e4 * np.exp(-0.25 * np.pi / 2.0)
     assert state.tension("entry") == pytest.approx(held, rel=0.01)
     assert run.cost.expansions <= 100
+
+
+def test_rollers_may_have_the_names_of_ends() -> None:
+    """A roller that turns is not the held end, which stands, whatever it is called."""
+    turn = {"duration": 1.0, "rollers": {"r1": {"surface_speed": 2.0}}}
+    named = {**LINE["rollers"][0], "name": "entry"}
+    other = {"duration": 1.0, "rollers": {"entry": {"surface_speed": 2.0}}}
+    law = Assembly(Scene.model_validate(LINE | {"rollers": [named], "stages": [other]})).friction
+    assert law is not None and law.speed == speed(turn)

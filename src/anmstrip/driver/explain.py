@@ -123,7 +123,7 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
         law, given = assembly.signorini, scene.contact.constants or scene.contact.onset
         resolved = "" if given else ", as the mesh resolves"
         yield f"Contact: {law.words}, setting in over {law.width:.3g} m{resolved}."
-    yield from rate_lines(assembly)
+    yield from rate_lines(scene, assembly)
     scales = assembly.scales
     yield (
         f"Errors are relative to {scales.length:g} m (positions), {scales.force:g} N (imbalance) "
@@ -136,9 +136,8 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
     yield from (f"Warning: {line}" for line in warnings(preview))
 
 
-def rate_lines(assembly: Assembly) -> Iterator[str]:
+def rate_lines(scene: SceneSpec, assembly: Assembly) -> Iterator[str]:
     """Yield the rates that the laws of flow and friction refer to, and where they come from."""
-    scene = assembly.scene
     if (p := scene.material.plasticity) is not None:
         rate, why = p.reference_rate or assembly.usual_rate, "" if p.reference_rate else ", a guess"
         yield f"Flow: at the yield stress at a strain rate of {rate:.3g} 1/s{why}."

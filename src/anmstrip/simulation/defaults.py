@@ -194,14 +194,15 @@ def slip_of_held_strip(scene: SceneSpec) -> float:
     if run is None:
         return 0.0
     begun = next((s.duration for s in scene.stages if any(v for _, v in stage_speeds(scene, s))), 0)
-    speeds, slips = dict.fromkeys([*held, *(r.name for r in scene.rollers)], 0.0), list[float]()
+    rollers, slips = [f"rollers.{roller.name}" for roller in scene.rollers], list[float]()
+    speeds = dict.fromkeys([*held, *rollers], 0.0)
     for stage in scene.stages:
         before, speeds = speeds, speeds | dict(stage_speeds(scene, stage))
         moved = stage.friction and any(move_lengths(stage))
         if stage.steady or moved or any(before[name] * speeds[name] < 0.0 for name in speeds):
             return 0.0
         if stage.friction and (slips or any(speeds.values())):
-            turning = np.abs([speeds[roller.name] for roller in scene.rollers])
+            turning = np.abs([speeds[name] for name in rollers])
             slips += [float(np.abs(turning - abs(speeds[end])).min(initial=np.inf)) for end in held]
     slip, way = min(slips, default=0.0), run * working_strain(scene)
     return min(slip, float(np.sqrt(2.0 * slip * way / begun))) if slip else 0.0
@@ -416,11 +417,12 @@ def draws_between_rollers(scene: SceneSpec) -> Iterator[tuple[float, float, list
     threaded = [roller for roller in scene.rollers if roller.wrap is not None]
     for stage in scene.stages:
         speeds = dict(stage_speeds(scene, stage))
-        driven = [k for k, roller in enumerate(threaded) if roller.name in speeds]
+        driven = [k for k, each in enumerate(threaded) if f"rollers.{each.name}" in speeds]
         for one, other in pairwise(driven):
-            names = [roller.name for roller in threaded[one : other + 1]]
-            length = math.dist(threaded[one].centre, threaded[other].centre)
-            yield abs(speeds[names[-1]] - speeds[names[0]]), length, names[1:-1]
+            first, *between, last = threaded[one : other + 1]
+            drawn = speeds[f"rollers.{last.name}"] - speeds[f"rollers.{first.name}"]
+            names = [roller.name for roller in between]
+            yield abs(drawn), math.dist(first.centre, last.centre), names
 
 
 def fastest(scene: SceneSpec) -> float:
@@ -444,11 +446,12 @@ def line_speed(scene: SceneSpec) -> float:
 
 
 def stage_speeds(scene: SceneSpec, stage: StageSpec) -> Iterator[tuple[str, float]]:
-    """Yield rollers and edges whose speed a stage gives, and that speed (m/s)."""
+    """Yield ``rollers.NAME`` and edges whose speed a stage gives, and that speed (m/s)."""
     radii = {roller.name: roller.radius for roller in scene.rollers}
     for name, roller in stage.rollers.items():
         if roller.surface_speed is not None or roller.angular_speed is not None:
-            yield name, roller.surface_speed or radii[name] * (roller.angular_speed or 0.0)
+            turning = radii[name] * (roller.angular_speed or 0.0)
+            yield f"rollers.{name}", roller.surface_speed or turning
     for name, edge in stage.edges.items():
         if edge.signed_speed is not None:
             yield name, edge.signed_speed
