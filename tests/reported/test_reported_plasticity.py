@@ -668,7 +668,7 @@ def test_strip_that_is_stretched_and_pushed_back_is_told_to_buckle(
     held = {"fixed": ["x", "z"]}
     stages = [
         {"name": name, "duration": 1.0, "exit": {"move": [way, 0.0, 0.0]}}
-        for name, way in (("stretch", 0.01), ("ease", 0.0075))
+        for name, way in (("stretch", 0.01), ("ease", 0.0072))
     ]
     run = Run(
         Scene(

@@ -372,8 +372,9 @@ def flow_stress(scene: SceneSpec) -> float | None:
 def flow_rate(scene: SceneSpec, turns: Mapping[str, float]) -> float:
     """Return about the rate (1/s) at which the strip of a scene flows.
 
-    Running at c onto rollers, over √(D/T) to the curvature κ, its faces flow at c t κ/2√(D/T).  κ
-    lies between that of strip that stays elastic, θ/2√(D/T), and 1/r: it is their geometric mean.
+    Running at c onto rollers, over ℓ to the curvature κ, its faces flow at c t κ/2ℓ.  ℓ is √(D/T),
+    or a third of the shortest span if that is less, and κ the geometric mean of θ/2ℓ, that of strip
+    that stays elastic, and of 1/r, or 1/r if that is less.
     Between driven rollers a draw flows at the difference of their speeds over their distance, if no
     bend between them takes it.  The rate is the mean of these, by what each leaves of plastic
     strain.  Without any it is some strains of first yield, over the time in which the shortest
@@ -388,13 +389,15 @@ def flow_rate(scene: SceneSpec, turns: Mapping[str, float]) -> float:
     """
     curvature, layer, speed = first_yield(scene), boundary_layer(scene), fastest(scene)
     assert curvature is not None
+    threaded = scene.threading is not None
+    over = min(layer, shortest_span(scene) / 3.0) if threaded else layer
     faces = 0.5 * scene.strip.thickness
     first, found = faces * curvature, dict[str, tuple[float, float]]()
-    for roller in scene.rollers if speed and np.isfinite(layer) else ():
-        least = bent_curvature(scene, roller.radius, turns.get(roller.name, 0.0))
-        bent = faces * float(np.sqrt(least / roller.radius))
+    for roller in scene.rollers if speed and np.isfinite(over) else ():
+        elastic = turns.get(roller.name, 0.0) / (2.0 * over)
+        bent = faces * float(np.sqrt(min(elastic, 1.0 / roller.radius) / roller.radius))
         if bent > first:
-            found[roller.name] = speed * bent / layer, bent - first
+            found[roller.name] = speed * bent / over, bent - first
     draws = [
         (drawn / length, drawn / speed - first)
         for drawn, length, between in draws_between_rollers(scene)
@@ -404,7 +407,7 @@ def flow_rate(scene: SceneSpec, turns: Mapping[str, float]) -> float:
         rates, strains = np.transpose(flows)
         return float(np.exp(np.average(np.log(rates), weights=strains)))
     strain = YIELDED_STRAIN * first
-    if speed and scene.threading is not None and scene.threading.entry is not None:
+    if speed and threaded:
         return strain * speed / shortest_span(scene)
     return strain / float(np.exp(np.mean(np.log([stage.duration for stage in scene.stages]))))
 
