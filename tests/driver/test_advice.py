@@ -145,6 +145,24 @@ TIPPING = merged(  # drawn as if the plate began at x = 0
     edges={"entry": {"fixed": ["x"]}},
     stages=PLATE["stages"][:1],
 )
+BRAKED_ALONE: dict[str, Any] = {  # at rest: 500 + 889 N/m by the brake, against 1100 N/m
+    "strip": {"kinematics": "section", "width": 0.75, "thickness": 3e-4},
+    "material": {"young": 2.1e11, "poisson": 0.3},
+    "friction": {"coefficient": 0.2},
+    "threading": {"tension": 1.1e3, "entry": [-2.0, 0.0, 0.3], "exit": [4.0, 0.0, -1.0]},
+    "rollers": [
+        {"name": "brake", "radius": 0.3, "centre": [0.0, 0.0, 0.0], "wrap": "over",
+         "drive": "torque", "friction": 0.5},
+        {"name": "turn", "radius": 0.15, "centre": [-1.5, 0.0, -2.0], "wrap": "under",
+         "drive": "idle"},
+        {"name": "drive", "radius": 0.3, "centre": [3.0, 0.0, -1.3], "wrap": "over"},
+    ],
+    "stages": [
+        {"name": "on", "duration": 1.0, "entry": {"release": True, "tension": 500.0},
+         "rollers": {"brake": {"torque": -130.0}}},
+        {"name": "more", "duration": 1.0, "rollers": {"brake": {"torque": -200.0}}},
+    ],
+}  # fmt: skip
 BENDER: dict[str, Any] = {  # drawn as if the plate began at x = 0
     "strip": {"kinematics": "section", "length": 0.8, "width": 0.5, "thickness": 6e-3},
     "material": {"young": 2.1e11, "poisson": 0.3, "yield_stress": 3e8, "plasticity": {}},
@@ -267,6 +285,7 @@ MORE: list[tuple[dict[str, Any], str, list[str]]] = [
     (CAPSTAN, "there is no stationary state", ["stages.run.entry.tension=8.8e3"]),
     (TIPPING, "tips over in stage settle: the rollers below it, from x = 0.4 to 1.2 m",
      [f"rollers.r{k + 1}.centre=[{x}, 0.0, -0.15]" for k, x in enumerate(PLACES[:5])]),
+    (BRAKED_ALONE, "pulls at its entry by 500 N/m against 1.1e+03 N/m", []),
     (BENDER, "roller r is 0.2 m past an end of the strip, which lies from x = -0.4 to 0.4 m",
      [f"rollers.{name}.centre=[{x}, 0, {z}]" for name, x, z in
       (("l", -0.2, -0.05), ("r", 0.2, -0.05), ("top", 0.0, 0.05))]),
@@ -630,6 +649,7 @@ def test_what_a_last_state_shows_is_cured(
 # all of them -------------------------------------------------------------------------------------
 
 ELSEWHERE = {
+    "smaller_torques": "words of beyond_capacity",
     "pulled_off": "words of untouched_roller",
     "rates_of_labels": "of a user's own effects, in test_own_effects.py",
     "squeezed": "test_diagnosis.py, test_nip.py",

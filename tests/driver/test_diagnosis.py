@@ -553,3 +553,13 @@ def test_strip_that_turns_about_its_only_support_is_no_column(force: float, tmp_
         pass
     assert run.outcome.done, run.message
     assert any("it turns freely" in words for words in run.warnings) == (force < 0.0)
+
+
+def test_strip_that_runs_away_from_a_standing_line_stops_the_run() -> None:
+    """No speed is given: it went on to 140 km/s, in steps of a millisecond."""
+    from test_advice import BRAKED_ALONE  # 889 N/m by the brake, where the exit holds 660
+
+    run = Scene.from_tables(BRAKED_ALONE, "line.toml", ["solver.max_tangents=4000"]).run()
+    *_, last = run
+    assert run.outcome is Outcome.RAN_AWAY and "as fast as the line" in run.message
+    assert last.stage == "more"

@@ -428,6 +428,10 @@ def reaction(scene: SceneSpec, name: str, pulls: Mapping[str, float], weight: fl
     return pulls[other] + weight * (heights[name] - heights[other])
 
 
+TORQUE_SHARES = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1)
+"""Shares of torques that are looked at where these pull the strip away."""
+
+
 def beyond_capacity(preview: Preview) -> Iterator[str]:
     """Stages that pull at both ends by more than the rollers can hold, which alone hold there."""
     assembly = preview.assembly
@@ -454,18 +458,39 @@ def beyond_capacity(preview: Preview) -> Iterator[str]:
                 lower = f"--set {typed}={low:g}, or rollers that the strip wraps"
             elif bound > 0.0:
                 below = two_digits(bound, np.floor)
-                below = below if below > low else float(f"{0.5 * (low + bound):.4g}")
+                if below <= low < high:
+                    below = float(f"{0.5 * (low + bound):.4g}")
                 lower = f"{typed} below {below:.4g} N/m"
             else:
                 lower = f"a lower {typed}"
+            lower += f"{other_ways_to_hold(preview, end, pulled, plain)}."
+            lower = smaller_torques(preview, pulled) or lower
             yield (
                 f"only friction holds the strip in x in stage {stage.name}, which pulls at its "
                 f"{end} by {high:.3g} N/m against {low:.3g} N/m, and on {np.degrees(turn):.0f}° of "
                 f"wrap {held_by} at most: {none}the strip {runs}. "
-                f"Try {lower}{other_ways_to_hold(preview, end, pulled, plain)}."
+                f"Try {lower}"
             )
             if lost and not pulled.weight:  # no later stage is reached
                 return
+
+
+def smaller_torques(preview: Preview, pulled: Pulled) -> str:
+    """Return torques to type that pull the strip away no more, in the middle of those that do not.
+
+    Nothing without torques, or where it runs away with all shares of them.
+    """
+    shares = []
+    for share in TORQUE_SHARES if any(pulled.torques.values()) else ():
+        torques = {name: share * torque for name, torque in pulled.torques.items()}
+        if not runs_away(preview, replace(pulled, torques=torques)):
+            shares.append(share)
+    if not shares:
+        return ""
+    middle = shares[len(shares) // 2]
+    key, found = f"stages.{pulled.stage.name}.rollers", pulled.torques.items()
+    each = ((name, float(f"{middle * torque:.2g}")) for name, torque in found)
+    return " ".join(f"--set {key}.{name}.torque={torque:g}" for name, torque in each)
 
 
 def other_ways_to_hold(preview: Preview, end: str, pulled: Pulled, plain: bool) -> str:

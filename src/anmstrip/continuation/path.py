@@ -175,7 +175,7 @@ class Outcome(Enum):
     NOT_ENDED = "it has not ended"
     NOT_FINITE = "the equations gave values that are not finite"
     OVERSTRETCHED = "the strip is stretched to more than twice its length, as no elastic strip is"
-    RAN_AWAY = "the strip runs away, at a thousand times the speeds that are given"
+    RAN_AWAY = "the strip runs away, a thousand times as fast as the line"
     TOO_LARGE = "the factors of the tangent do not fit into memory"
 
     @property

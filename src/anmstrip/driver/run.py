@@ -36,6 +36,7 @@ from anmstrip.results.files import ERROR_WORDS, read_history
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import Onset, WrinkleWatch, Wrinkling
 from anmstrip.scene.schema import SceneSpec, StageSpec
+from anmstrip.simulation.defaults import line_speed
 from anmstrip.simulation.march import March, Step, delay_interrupts, imperfection_of
 from anmstrip.simulation.problem import Assembly, EffectMaker
 from anmstrip.timestepping.formulas import Errors, Memory
@@ -156,10 +157,11 @@ def doubled_in_length(state: State) -> bool:
 
 
 RUNAWAY_SPEED = 1e3
-"""Speed of strip that runs away, over the largest that a stage gives to rollers and ends."""
+"""Speed of strip that runs away, over the largest that a stage gives to rollers and ends, or where
+all stand over that of the line."""
 
 
-def has_run_away(state: State) -> bool:
+def has_run_away(state: State, usual: float) -> bool:
     """Return whether strip passes at a speed that no friction ends: fed strip by a length.
 
     In a steady stage nothing is conveyed, and no stationary state has such a speed.
@@ -167,7 +169,7 @@ def has_run_away(state: State) -> bool:
     conveyed = state.plan.fed and abs(state.conveyed) >= state.plan.model.strip.length
     if not (conveyed or state.plan.steady):
         return False
-    return abs(state.strip_speed or 0.0) > RUNAWAY_SPEED * state.plan.fastest > 0.0
+    return abs(state.strip_speed or 0.0) > RUNAWAY_SPEED * (state.plan.fastest or usual) > 0.0
 
 
 def spins_away(state: State) -> bool:
@@ -176,8 +178,14 @@ def spins_away(state: State) -> bool:
     return max(speeds, default=0.0) > RUNAWAY_SPEED * state.plan.fastest > 0.0
 
 
-ENDLESS = ((Outcome.OVERSTRETCHED, doubled_in_length), (Outcome.RAN_AWAY, has_run_away))
-"""Why a run stops at a state from which it would go on for nothing."""
+def endless(state: State, usual: float) -> Outcome | None:
+    """Return why a run stops at a state from which it would go on for nothing, None if it does not.
+
+    Beside the usual speed of the scene (m/s).
+    """
+    if doubled_in_length(state):
+        return Outcome.OVERSTRETCHED
+    return Outcome.RAN_AWAY if has_run_away(state, usual) else None
 
 
 class Run:
@@ -353,9 +361,8 @@ class Run:
                     with delay_interrupts():
                         accepted = self._accept(step)
                     yield accepted
-                    for outcome, has_come in ENDLESS:
-                        if has_come(step.state):
-                            raise PathStopped(outcome, step.state.control)
+                    if outcome := endless(step.state, line_speed(self.scene)):
+                        raise PathStopped(outcome, step.state.control)
             finally:
                 self._count(plan)
         with delay_interrupts():
