@@ -424,10 +424,15 @@ def unheld_words(scene: SceneSpec, stage: str, component: str) -> str:
     """Say that nothing holds a strip in a component in a stage, and what to type.
 
     What is held in x is let go in the first stage after that one in which rollers turn, so that
-    they carry it.
+    they carry it; what a stage before has let go is held on.
     """
     edge = edge_to_hold(scene)
-    fixed = sorted({*scene.edges.get(edge, EdgeSpec()).fixed, component})
+    before = scene.edges.get(edge, EdgeSpec()).fixed
+    for each in scene.stages if component in before else ():
+        if edge in each.edges and each.edges[edge].release:
+            key = f"stages.{each.name}.{edge}.release=false"
+            return f"nothing holds the strip in {component}. Try --set {key}"
+    fixed = sorted({*before, component})
     key = f"'edges.{edge}.fixed={json.dumps(fixed)}'"
     if component == "y":
         key = f"edges.{edge}.centred=true"

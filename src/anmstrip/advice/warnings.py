@@ -196,19 +196,20 @@ def released_strip(preview: Preview) -> Iterator[str]:
     """Stages from which on no edge holds the strip in x, nor friction."""
     scene, names = preview.assembly.scene, {plan.name for plan in preview.plans}
     holding = {name for name, edge in scene.edges.items() if "x" in edge.fixed}
-    for stage in (stage for stage in scene.stages if stage.name in names and holding):
+    let_go = ""
+    for stage in (stage for stage in scene.stages if stage.name in names and (holding or let_go)):
         released = [name for name, edge in stage.edges.items() if edge.release]
         holding -= set(released)
+        if released:
+            let_go = f"stages.{stage.name}.{released[0]}.release"
         if stage.steady:  # its entry is held where it is
             holding.add("entry")
         if holding:
             continue
         if not preview.assembly.frictional(stage):
-            yield (
-                f"nothing holds the strip in x in stage {stage.name}. "
-                f"Try it without stages.{stage.name}.{(released or ['entry'])[0]}.release."
-            )
-        elif loose := why_speed_is_free(preview):
+            yield (f"nothing holds the strip in x in stage {stage.name}. Try --set {let_go}=false")
+            return
+        if released and (loose := why_speed_is_free(preview)):
             yield f"nothing says how fast the strip runs in stage {stage.name}: {loose}"
 
 
