@@ -256,3 +256,47 @@ def test_a_steady_line_keeps_the_tension_of_its_entry_through_a_stroke() -> None
     assert last.state.tension("entry") == pytest.approx(5e3, rel=1e-3)
     assert last.state.tension("exit") == pytest.approx(5.5e3, rel=1e-6)
     assert last.state.rollers["a"].torque == pytest.approx(-80.0, rel=1e-2)
+
+
+@pytest.mark.parametrize("wrap", ["under", None])
+def test_ends_of_strip_that_a_roller_is_moved_into_go_as_the_last_roller(
+    wrap: str | None, claim: Claim
+) -> None:
+    """The roller before the exit sticks: its surface passes as much strip as leaves.
+
+    What enters and does not leave is taken up, by a string on three rollers 0.3 m apart.
+    """
+    names = {"l1": (0.0, -0.1, "over"), "u": (0.3, 0.1, wrap), "l2": (0.6, -0.1, "over")}
+    tables = {
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 1e-4},
+        "material": {"young": 2.1e11, "poisson": 0.3},
+        "friction": {"coefficient": 0.2},
+        "threading": {"tension": 4e3, "entry": [-1.0, 0.0, 0.0], "exit": [1.6, 0.0, 0.0]},
+        "rollers": [
+            {"name": name, "radius": 0.1, "centre": [x, 0.0, z], "drive": "idle"}
+            | ({} if side is None else {"wrap": side})
+            for name, (x, z, side) in names.items()
+        ],
+        "stages": [
+            {"name": "start", "duration": 1.0, "entry": {"speed": 0.5}},
+            {"name": "in", "duration": 2.0, "rollers": {"u": {"move": [0.0, 0.0, -0.02]}}},
+        ],
+    }
+    run = Scene.from_tables(tables, "in.toml").run()
+    for _ in run:
+        pass
+    history = {name: np.array(column) for name, column in run.history.items()}
+    moving = history["stage"] == "in"
+    for speed, at in ((history["exit_speed"], "l2"), (history["entry_speed"], "l1")):
+        stretched = speed[moving] * (1.0 + 4e3 / 2.1e11 / 1e-4)
+        assert stretched == pytest.approx(history[f"{at}_surface_speed"][moving], rel=2e-5)
+    gone = history["entry_speed"] - history["exit_speed"]
+    between = np.trapezoid(gone[moving], history["time"][moving])
+    taken = run.facts()["feed"]["taken_up"]
+    claim(f"taken up by a roller with wrap {wrap} (m)", taken, between, 0.01, "speeds of the ends")
+    angle = np.arctan(0.02 / 0.3)
+    for _ in range(50):  # l cos θ + 2 r sin θ = 0.3, l sin θ + 2 r (1 − cos θ) = 0.02
+        run_length = (0.3 - 0.2 * np.sin(angle)) / np.cos(angle)
+        angle = np.arcsin((0.02 - 0.2 * (1.0 - np.cos(angle))) / run_length)
+    way = 2.0 * (run_length + 0.2 * angle - 0.3)
+    claim(f"the same, wrap {wrap} (m)", taken, way, 0.02, "a string")

@@ -33,6 +33,7 @@ from anmstrip.simulation.defaults import (
 from anmstrip.simulation.meshing import (
     MAX_LYING_TURN,
     Nip,
+    axis_crossing,
     carrying_sense,
     label_at,
     nipping_rollers,
@@ -42,6 +43,7 @@ from anmstrip.simulation.meshing import (
 )
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import ALIGNED_SINE, Course
+from anmstrip.simulation.threading import STRIP_SAMPLES
 
 METAL_YIELD_STRAIN = 5e-3
 """Strain at which no metal is elastic any more, for a scene without a yield stress."""
@@ -236,7 +238,8 @@ def untouched_roller(preview: Preview) -> Iterator[str]:
         if not abs(roller.unit_axis[1]) > 0.1 or roller.name in beyond:
             continue
         gap = min(string.gaps.get(roller.name, 0.0) for string in preview.strings)
-        if preview.turn(roller) == 0.0 and gap > GRAZING_DEPTH * roller.radius:
+        missed = gap > GRAZING_DEPTH * roller.radius and not moved_through(preview, roller)
+        if preview.turn(roller) == 0.0 and missed:
             yield (
                 f"roller {roller.name} is touched by nothing: the strip passes at {gap:.2g} m. "
                 f"Try another rollers.{roller.name}.centre, a move that long in a "
@@ -256,6 +259,24 @@ def untouched_roller(preview: Preview) -> Iterator[str]:
                 break
             if wrapped and before and not touched:
                 yield from (f"{leaves}{why}" for why in pulled_off(preview.assembly, stage))
+
+
+def moved_through(preview: Preview, roller: Roller) -> bool:
+    """Whether a stage moves a roller to the other side of the string around the others."""
+    key = f"rollers.{roller.name}.centre"
+    for plan, string in zip(preview.plans, preview.strings, strict=True):
+        path, moved = string.path, axis_crossing(roller) - np.asarray(roller.centre)[[0, 2]]
+        if path is None or not np.any(plan.controls.slope.get(key, 0.0)):
+            continue
+        at, heading = path.at(np.linspace(0.0, float(path.length[0]), STRIP_SAMPLES), 0)
+        sides = []
+        for share in (0.0, 1.0):
+            way = (np.asarray(plan.controls.at(share)[key])[[0, 2]] + moved)[:, None] - at
+            near = int((way**2).sum(axis=0).argmin())
+            sides.append(heading[1, near] * way[0, near] > heading[0, near] * way[1, near])
+        if sides[0] != sides[1]:
+            return True
+    return False
 
 
 def pulled_off(assembly: Assembly, stage: StageSpec) -> Iterator[str]:

@@ -500,7 +500,7 @@ def roller_table(state: State) -> Table:
     sideways = ("offset\n(mm)",) * any(r.offset is not None for r in state.rollers.values())
     table = plain_table(f"Rollers at t = {state.time:.6g} s", "\nroller", *heads, *more, *sideways)
     for name, r in state.rollers.items():
-        used = "–" if r.capacity_used is None else f"{100.0 * r.capacity_used:.3g} %"
+        used = "–" if r.capacity_used is None else f"{round(100.0 * r.capacity_used, 3):.3g} %"
         seen = TORQUE_DIGITS * r.normal_force * state.contacts[name].roller.radius
         torque = r.torque if abs(r.torque) > seen else 0.0
         values = (np.degrees(r.wrap), r.tension_in, r.tension_out, r.normal_force, torque)

@@ -69,7 +69,7 @@ def history_row(step: Step, assembly: Assembly) -> dict[str, Any]:
         rests = state.strip_speed is None and not state.plan.in_time
         fed = 0.0 if rests else state.strip_speed, state.conveyed  # no speed if labels travel
         values |= dict(zip(FEED_COLUMNS, fed, strict=True))
-        if assembly.growth is not None:
+        if assembly.sways:
             ends = {key: state.end_speed(end) for key, end in END_SPEEDS.items()}
             values |= dict.fromkeys(ends, 0.0) if rests else ends
     for name, reading in state.rollers.items():
@@ -114,7 +114,7 @@ class Recorder:
         assembly, directory = self.assembly, self.directory
         names = [f"{r.name}_{column}" for r in assembly.rollers for column in STEP_READINGS]
         feed = [*FEED_COLUMNS] if assembly.conveyed else []
-        feed += END_SPEEDS if assembly.growth is not None else []
+        feed += END_SPEEDS if assembly.sways else []
         columns = (*STEP_COLUMNS, "entry_tension", "exit_tension", *feed, *names)
         if not resumed:
             for stale in (*directory.glob("*.pvd"), *map(directory.joinpath, STALE_FILES)):

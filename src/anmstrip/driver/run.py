@@ -36,6 +36,7 @@ from anmstrip.results.files import ERROR_WORDS, read_history
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import Onset, WrinkleWatch, Wrinkling
 from anmstrip.scene.schema import SceneSpec, StageSpec
+from anmstrip.scene.tables import ENDS
 from anmstrip.simulation.defaults import line_speed
 from anmstrip.simulation.march import March, Step, delay_interrupts, imperfection_of
 from anmstrip.simulation.problem import Assembly, EffectMaker
@@ -605,7 +606,12 @@ class Run:
         fed = {"length": march.conveyed, "mass": mass}
         begin, end = strip.span
         passed = end if self.state is None else begin + self.state.unstressed_length(end)
-        fed["taken_up"] = float(passed - end)
+        taken = float(passed - end)
+        for sign, name in zip((1.0, -1.0), ENDS, strict=True):
+            laid = march.course.begun.get(name)
+            if self.state is not None and laid is not None:  # what an end that sways leaves behind
+                taken += sign * self.state.along_end(name, self.state.full, laid)
+        fed["taken_up"] = taken
         return {
             "status": "done" if self.outcome.done else self.outcome.name.lower(),
             "message": self.message,

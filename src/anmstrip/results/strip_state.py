@@ -87,9 +87,31 @@ class StripState:
         return self.plan.strip_speed(self.full, self.control) if self.plan.steady else None
 
     def end_speed(self, edge: str) -> float | None:
-        """Speed at which strip passes an end (m of unstressed strip per second), if it does."""
-        drift = float(self.controls.get(f"{edge}.drift", 0.0))
-        return None if self.strip_speed is None else self.strip_speed + drift
+        """Speed of the strip at an end (m of unstressed strip per second), if it passes it.
+
+        That of its label, which sways as rollers move, and of the material that passes this.
+        """
+        if self.strip_speed is None:
+            return None
+        passing = self.strip_speed + float(self.controls.get(f"{edge}.drift", 0.0))
+        if not self.plan.fed or self.velocity is None:
+            return passing
+        return passing + self.along_end(edge, self.velocity)
+
+    def along_end(self, edge: str, full: Array, less: Array | None = None) -> float:
+        """Displacement of an end along the strip (m of unstressed strip), or its velocity.
+
+        Parameters
+        ----------
+        edge : str
+        full : ndarray, shape (unknowns,)
+        less : ndarray, shape (3,), optional
+            What is taken off it.
+        """
+        strip = self.plan.model.strip
+        nodes, along = strip.dofs("u")[strip.edges[edge].nodes], strip.edge_tangent(edge, self.full)
+        moved = strip.kinematics.embed(strip.nodal(full)[nodes].mean(axis=0))
+        return float((moved - (0.0 if less is None else less)) @ along / (along @ along))
 
     @cached_property
     def material_velocity(self) -> Array:

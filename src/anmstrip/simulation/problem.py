@@ -333,6 +333,17 @@ class Assembly:
 
         return Growth.of(self.scene, self.thread, np.unique(self.strip.mesh.p[0]))
 
+    @property
+    def sways(self) -> bool:
+        """Whether the ends of fed strip have speeds of their own: runs take strip up, or give off.
+
+        By rollers that move, those without a wrap too, or by weight, tension or heat.
+        """
+        moves = (c.move for stage in self.scene.stages for c in stage.rollers.values())
+        return self.growth is not None or (
+            self.thread is not None and bool(self.scene.strip.feed) and any(moves)
+        )
+
     @cached_property
     def loads(self) -> dict[str, Loads]:
         """Stage → what a threaded strip is pulled with at its end."""
