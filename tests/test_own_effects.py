@@ -238,7 +238,7 @@ def test_law_that_cannot_be_used(
 LAWS = """
 from dataclasses import dataclass
 import numpy as np
-from anmstrip import ContactLaw, FrictionLaw
+from anmstrip import ContactLaw, FlowLaw, FrictionLaw
 
 @dataclass(frozen=True)
 class Scalar(FrictionLaw):
@@ -278,18 +278,60 @@ class Pulling(ContactLaw):
     width, faint = 1e-4, 1.0
     def __call__(self, gap):
         return np.exp(gap * 1e4)
+
+class Flat(ContactLaw):
+    width, faint = 1e-4, 1.0
+    def __call__(self, gap):
+        return gap * 0.0 + 1e4
+
+@dataclass(frozen=True)
+class Fixed(FrictionLaw):
+    coefficient: float
+    speed: float
+    def __call__(self, normal, slip):
+        return slip * normal * (-0.2 / self.speed)
+
+class Plain(FrictionLaw):
+    def __init__(self, coefficient, speed):
+        self.coefficient, self.speed = coefficient, speed
+    def __call__(self, normal, slip):
+        return slip * normal * -self.coefficient
+
+class Nothing(FlowLaw):
+    def resistance(self, p):
+        return None
+
+class Twice(FlowLaw):
+    def resistance(self, p):
+        return np.stack([p, p])
+
+class Negative(FlowLaw):
+    def resistance(self, p):
+        return p * 0.0 - 1e8
+
+class Rough(FlowLaw):
+    def resistance(self, p):
+        return np.abs(p) + 1e8
 """
 
 
 @pytest.mark.parametrize(
     ("table", "name", "words"),
     [
-        ("friction", "Scalar", "a law that works on arrays (only"),
+        ("friction", "Scalar", "a law that works on arrays (TypeError: only"),
         ("friction", "Along", "friction against the slip"),
-        ("friction", "Corner", "a law that works on arrays (np.sign has no series"),
+        ("friction", "Corner", "a law that works on arrays (TypeError: np.sign has no series"),
         ("contact", "NeverFaint", "has no attribute 'faint'"),
         ("friction", "Mean", "it returned (4,)"),
+        ("friction", "Corner", "line 33 of wrong_laws.py"),
+        ("friction", "Fixed", "proportional to coefficient"),
+        ("friction", "Plain", "a frozen dataclass"),
         ("contact", "Pulling", "a pressure that falls with the gap"),
+        ("contact", "Flat", "a pressure that falls with the gap"),
+        ("material.plasticity", "Nothing", "it returned ()"),
+        ("material.plasticity", "Twice", "it returned (2, 4, 3)"),
+        ("material.plasticity", "Negative", "of a resistance above 0"),
+        ("material.plasticity", "Rough", "np.absolute has no series"),
     ],
 )
 def test_law_that_breaks_its_rules_is_refused(
@@ -299,8 +341,11 @@ def test_law_that_breaks_its_rules_is_refused(
     (tmp_path / "wrong_laws.py").write_text(LAWS, encoding="utf-8")
     path = written(tmp_path, "stribeck_law:Stribeck", "{ dip = 0.4, stribeck_speed = 0.1 }")
     law = [f'{table}.law="wrong_laws:{name}"', f"{table}.parameters={{}}"]
+    if table == "material.plasticity":
+        law = ["material.yield_stress=3e8", 'strip.kinematics="section"', *law]
+    attributes = {"contact": "signorini", "material.plasticity": "flow"}
     with pytest.raises(InputError) as caught:
-        getattr(Run(Scene.load(path, law)).assembly, {"contact": "signorini"}.get(table, table))
+        getattr(Run(Scene.load(path, law)).assembly, attributes.get(table, table))
     assert words in str(caught.value)
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
+import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from importlib import import_module
 from inspect import signature
@@ -69,6 +70,7 @@ from anmstrip.simulation.meshing import (
     strip_mesh,
 )
 from anmstrip.simulation.threading import Thread, thread_of
+from anmstrip.taylor.series import record
 
 if TYPE_CHECKING:
     from skfem import Mesh
@@ -858,37 +860,83 @@ def own_law(
 
 
 def wrong_law(law: Any) -> tuple[str, str] | None:
-    """Return what is expected of a user's law of contact or friction, and what to type.
+    """Return what is expected of a user's law of contact, friction or flow, and what to type.
 
-    Nothing if it works on arrays and series, pushes the less the wider the gap, and rubs against
-    the slip.
+    Nothing if it works on arrays and series; if it pushes the less the wider the gap, rubs against
+    the slip as its coefficient says, or flows with the stress.
     """
     from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
-    from anmstrip.taylor.series import record
 
     points = np.array([-1.0, 0.5, 2.0, 30.0])
+    check: Callable[[Any, Array], tuple[tuple[int, ...] | None, bool]]
+    if isinstance(law, FrictionLaw):
+        check, wanted = _rubs, "friction against the slip, proportional to coefficient"
+        hint = "return -f * normal * …"
+    elif isinstance(law, ContactLaw):
+        check, wanted = _pushes, "a pressure that falls with the gap, and faint above 0"
+        hint = "return p * np.exp(-gap / w)"
+    else:
+        check, wanted = _flows, "flow with the stress, of a resistance above 0"
+        hint = "return p * h + yield_stress"
+    if not (is_dataclass(law) or isinstance(law, ContactLaw)):
+        return "a frozen dataclass", "@dataclass(frozen=True) before its class"
     try:
-        if isinstance(law, FrictionLaw):
-            slip = law.speed * np.stack([points, 0.0 * points, points[::-1]])
-            asked: tuple[Array, ...] = (np.ones(4), slip)
-            found = np.asarray(law(*asked), dtype=float)
-            fits, right = found.shape == slip.shape, bool(np.all((found * slip).sum(axis=0) < 0.0))
-            expected, hint = "friction against the slip", "return -f * normal * …"
-        elif isinstance(law, ContactLaw):
-            asked = (points * law.width,)
-            found = np.asarray(law(*asked), dtype=float)
-            float(law.faint)
-            fits, right = found.shape == points.shape, bool(np.all(np.diff(found) <= 0.0))
-            expected, hint = "a pressure that falls with the gap", "return p * np.exp(-gap / w)"
-        else:
-            return None
-        record(law, *asked)
+        with np.errstate(all="ignore"):
+            shape, right = check(law, points)
     except Exception as error:  # whatever the user's law raises
-        expected, hint = f"a law that works on arrays ({error})", "numpy's functions of arrays"
-        return expected, hint
-    if not fits:
-        expected = f"an array as large as what it is given, and it returned {found.shape}"
-    return None if fits and right else (expected, hint)
+        return f"a law that works on arrays ({words_of(error)})", hint
+    if shape is not None:
+        wanted = f"an array as large as what it is given, and it returned {shape}"
+    return None if right and shape is None else (wanted, hint)
+
+
+def words_of(error: BaseException) -> str:
+    """Return what went wrong in a user's code, and in which line of it, if it was there."""
+    package = str(Path(__file__).parents[1])
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [f for f in frames if not f.filename.startswith(package) and "<" not in f.filename]
+    place = f", line {own[-1].lineno} of {Path(own[-1].filename).name}" if own else ""
+    return f"{type(error).__name__}: {error}{place}".replace(": ,", ",").removesuffix(": ")
+
+
+def _rubs(law: Any, points: Array) -> tuple[tuple[int, ...] | None, bool]:
+    """Return the shape of a law's friction if it is wrong, and whether its values are right."""
+    slip, ones = law.speed * np.stack([points, 0.0 * points, points[::-1]]), np.ones(4)
+    found, twice = (
+        np.asarray(each(ones, slip), dtype=float)
+        for each in (law, replace(law, coefficient=2.0 * law.coefficient))
+    )
+    if found.shape != slip.shape:
+        return found.shape, False
+    record(law, ones, slip)
+    return None, bool(np.all((found * slip).sum(axis=0) < 0.0) and np.allclose(twice, 2.0 * found))
+
+
+def _pushes(law: Any, points: Array) -> tuple[tuple[int, ...] | None, bool]:
+    """Return the same of a law of contact."""
+    found, faint = np.asarray(law(points * law.width), dtype=float), float(law.faint)
+    if found.shape != points.shape:
+        return found.shape, False
+    record(law, points * law.width)
+    return None, bool(np.all(np.diff(found) <= 0.0) and found[-1] < found[0] and faint > 0.0)
+
+
+def _flows(law: Any, points: Array) -> tuple[tuple[int, ...] | None, bool]:
+    """Return the same of a law of flow."""
+    stress = law.yield_stress / 30.0 * points[None, :, None] * np.ones((1, 1, 3))
+    internal = np.zeros((law.variables(1), *stress.shape[1:]))
+
+    def rates(stress: Any, internal: Any) -> Any:
+        return law.rates(stress, internal, 1.0)
+
+    path = np.full(stress.shape[1:], 0.01)
+    grown, normal = (np.asarray(x, dtype=float) for x in (law.resistance(path), law.normal(stress)))
+    for found, like in ((grown, path), (normal, stress)):
+        if found.shape != like.shape:
+            return found.shape, False
+    flow = np.asarray(rates(stress, internal))[0]
+    record(rates, stress, internal)
+    return None, bool(np.all(grown > 0.0) and np.all(flow * stress[0] > 0.0))
 
 
 def local_origin(points: Array) -> Array:
