@@ -387,3 +387,43 @@ def test_yield_law_of_the_documentation(tmp_path: Path) -> None:
     assert last.state.tension("exit") == pytest.approx(stress * 1e-3 * (1.0 + STRETCH), rel=1e-3)
     with pytest.raises(InputError, match=r"material\.plasticity\.parameters"):
         list(Scene.from_tables(pulled({"gains": 0.5}), tmp_path / "scene.toml").run())
+
+
+BATHED: dict[str, Any] = {
+    "strip": {"kinematics": "section", "length": 2.0, "width": 1.0, "thickness": 1e-3,
+              "cells": [8, 1]},
+    "material": {"young": 2e11, "poisson": 0.3},
+    "edges": {"exit": {"fixed": ["x", "z"]}, "entry": {"fixed": ["z"]}},
+    "stages": [{"name": "drawn", "duration": 1.0, "exit": {"velocity": [0.5, 0.0, 0.0]}}],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("law", "rates", "words"),
+    [
+        (
+            lambda _, x, v, controls: v[0] * 1.0,
+            True,
+            "forces of shape (2, 17), and it returned (17,)",
+        ),
+        (lambda _, x, v, controls: np.stack([v[0]] * 3), True, "it returned (3, 17)"),
+        (lambda _, x, v, controls: None, True, "it returned ()"),
+        (lambda _, x, v, controls: np.abs(v), True, "np.absolute has no series"),
+        (lambda _, x, v, controls: v * controls["nope"], True, "KeyError: 'nope', line"),
+        (lambda _, x, v, controls: v * 1.0, False, "v is None without rate_dependent = True"),
+        (lambda _, x, v, controls: v * np.nan, True, "finite forces"),
+    ],
+)
+def test_an_effect_whose_law_is_wrong_is_named(law: Any, rates: bool, words: str) -> None:
+    made = type("Wrong", (Air,), {"law": law, "rate_dependent": rates})
+    with pytest.raises(InputError) as caught:
+        list(Run(Scene.from_tables(BATHED, "bath.toml"), effects=[lambda strip: made(strip, 1.0)]))
+    assert words in str(caught.value) and '"air"' in str(caught.value)
+
+
+def test_effects_are_functions_in_a_list() -> None:
+    scene = Scene.from_tables(BATHED, "bath.toml")
+    with pytest.raises(TypeError, match="a list of functions of the strip"):
+        Run(scene, effects=lambda strip: Air(strip, 1.0))
+    with pytest.raises(InputError, match="functions of the strip"):
+        list(Run(scene, effects=[3]))

@@ -232,6 +232,8 @@ class Run:
     ) -> None:
         if not isinstance(scene, SceneSpec):
             raise TypeError(f"expected a scene, as Scene.load({scene!r}) returns; given {scene!r}")
+        if not isinstance(effects, Iterable):
+            raise TypeError(f"expected a list of functions of the strip; given effects={effects!r}")
         self.directory = None if directory is None else Path(directory)
         bent = None if scene.strip.imperfection is None else imperfection_of(scene)
         a = self.assembly = Assembly(scene, bent, tuple(effects))

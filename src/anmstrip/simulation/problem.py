@@ -25,7 +25,7 @@ from anmstrip.fem.sampling import (
     quadrature_points,
 )
 from anmstrip.fem.strip import Material, Scales, Strip, renumbered
-from anmstrip.mechanics.effects import Effect
+from anmstrip.mechanics.effects import Effect, LawEffect
 from anmstrip.mechanics.loads import (
     Foundation,
     GrownWeight,
@@ -774,14 +774,36 @@ class Assembly:
     @cached_property
     def added_effects(self) -> list[Effect]:
         """Effects of the user's own, which have names of their own."""
-        made, taken = [make(self.strip) for make in self.added], set(BUILT_IN_EFFECTS)
-        for effect in made:
+        made, taken = list[Effect](), set(BUILT_IN_EFFECTS)
+        for make in self.added:
+            if not callable(make):
+                expected = "functions of the strip, each of which returns an effect"
+                raise self.scene.refused(
+                    "effects", repr(make), expected, "lambda strip: Mine(strip)"
+                )
+            effect = make(self.strip)
             name = getattr(effect, "name", repr(effect))
-            if not isinstance(effect, Effect) or name in taken:
+            if not isinstance(effect, Effect) or name in taken or not isinstance(name, str):
                 expected = "an anmstrip.Effect with a name that no other effect has"
                 raise self.scene.refused("effects", name, expected, 'name = "my_effect"')
             taken.add(name)
+            made.append(effect)
         return made
+
+    def check_added(self, stage: StageSpec, controls: Mapping[str, Array]) -> None:
+        """Try the laws of effects of the user's own, at points of the flat strip at rest.
+
+        Raises
+        ------
+        InputError
+            One does not work on arrays and series, or returns something else than forces.
+        """
+        for effect in self.added_effects:
+            if not isinstance(effect, LawEffect) or (effect.rate_dependent and not stage.friction):
+                continue
+            if wrong := wrong_effect(effect, self.strip.unknowns, controls):
+                hint = "def law(self, x, v, controls): return …"
+                raise self.scene.refused("effects", effect.name, wrong, hint)
 
     def yields(self, stage: StageSpec) -> bool:
         """Whether plastic strains grow in a stage; a strip is threaded as an elastic one."""
@@ -888,6 +910,30 @@ def wrong_law(law: Any) -> tuple[str, str] | None:
     if shape is not None:
         wanted = f"an array as large as what it is given, and it returned {shape}"
     return None if right and shape is None else (wanted, hint)
+
+
+def wrong_effect(effect: LawEffect, unknowns: int, controls: Mapping[str, Array]) -> str | None:
+    """Return what is expected of a user's effect whose law does not work, else None."""
+    if not hasattr(effect, "operator"):
+        return "an operator, as anmstrip.ContactOperator(strip), beside its law"
+    operator = effect.operator
+    x = operator.apply(np.zeros(unknowns))
+    given = (x, 0.0 * x) if effect.rate_dependent else (x,)
+
+    def law(x: Any, v: Any = None) -> Any:
+        return effect.law(x, v, controls)
+
+    try:
+        with np.errstate(all="ignore"):
+            found = np.asarray(law(*given), dtype=float)
+            record(law, *given)
+    except Exception as error:  # whatever the user's law raises
+        v = "" if effect.rate_dependent else "; v is None without rate_dependent = True"
+        return f"a law that works on arrays and series ({words_of(error)}{v})"
+    rows = max(part.row + part.count for part in operator.matrices[1])
+    if found.shape != (rows, *x.shape[1:]):
+        return f"forces of shape {(rows, *x.shape[1:])}, and it returned {found.shape}"
+    return None if np.isfinite(found).any() else "finite forces where the strip is flat and at rest"
 
 
 def words_of(error: BaseException) -> str:

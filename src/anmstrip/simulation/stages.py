@@ -131,6 +131,7 @@ class Course:
                 ended = self.growing(start | {"strip.held": held + slope["strip.held"]})
                 slope["strip.growth"] = ended["strip.growth"] - start["strip.growth"]
         effects = self.assembly.effects(stage, start)
+        self.assembly.check_added(stage, start)
         a, pull = self.assembly, self._pull(full) if self.pulled(stage) else None
         goes_on = "exit" in self.outward and not (a.closed or self._held().get("exit"))
         if goes_on and stage.steady and a.yields(stage):
