@@ -145,6 +145,15 @@ TIPPING = merged(  # drawn as if the plate began at x = 0
     edges={"entry": {"fixed": ["x"]}},
     stages=PLATE["stages"][:1],
 )
+UNRUBBED: dict[str, Any] = {  # an idler with bearings that nothing turns
+    "strip": {"kinematics": "section", "width": 1.0, "thickness": 4e-4},
+    "material": {"young": 2.1e11, "poisson": 0.3},
+    "friction": {"coefficient": 0.3},
+    "threading": {"tension": 5e3, "entry": [-2.0, 0.0, 0.2], "exit": [0.2, 0.0, -2.0]},
+    "rollers": [{"name": "d", "radius": 0.2, "centre": [0.0, 0.0, 0.0], "wrap": "over",
+                 "drive": "idle", "bearing": 20.0, "friction": 0.0}],
+    "stages": [{"name": "run", "steady": True, "strip": {"speed": 1.0}}],
+}  # fmt: skip
 LET_GO_BEFORE: dict[str, Any] = {  # by the stage in time that follows a steady one
     "strip": {"kinematics": "section", "width": 1.0, "thickness": 4e-4},
     "material": {"young": 2.1e11, "poisson": 0.3},
@@ -276,6 +285,7 @@ MORE: list[tuple[dict[str, Any], str, list[str]]] = [
     (merged(FLAT, stages=[{**PULL, "friction": True}, LAY]), "pulls a slack strip", []),
     (merged(FLAT, stages=[PULL, LAY, {**FREE, "friction": False}]),
      "nothing holds the strip in x in stage last", []),
+    (UNRUBBED, "nothing rubs on the idle roller d: it stands", []),
     (LET_GO_BEFORE, "nothing holds the strip in x in stage slack", []),
     (LOOSE, "nothing says how fast the strip runs in stage start", []),
     (merged(FLAT, stages=[PULL, LAY, {"name": "last", "duration": 1.0,

@@ -22,10 +22,11 @@ from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.shell import eigenstrain
 from anmstrip.scene.checks import PARALLEL_COSINE, ROUND_OFF, moved_ends
 from anmstrip.scene.schema import SceneSpec, StageSpec
-from anmstrip.scene.tables import ENDS, RollerSpec
+from anmstrip.scene.tables import ENDS
 from anmstrip.simulation.defaults import (
     bending_stiffness,
     bent_curvature,
+    coefficient_on,
     distributed_load,
     largest_force,
     varies_along,
@@ -290,12 +291,6 @@ def pulled_off(assembly: Assembly, stage: StageSpec) -> Iterator[str]:
             yield f", as {key} turns its {name}. Try --set '{key}=[{typed}]'"
 
 
-def coefficient_on(scene: SceneSpec, roller: RollerSpec) -> float:
-    """Return the friction coefficient on a roller, 0 without friction."""
-    given = 0.0 if scene.friction is None else scene.friction.coefficient
-    return given if roller.friction is None else roller.friction
-
-
 def driven_without_friction(preview: Preview) -> Iterator[str]:
     """Rollers that turn in a stage in which nothing rubs on them."""
     scene = preview.assembly.scene
@@ -309,6 +304,17 @@ def driven_without_friction(preview: Preview) -> Iterator[str]:
             yield (
                 f"roller {spec.name} turns, but nothing rubs on it, so that it drives nothing. "
                 f"Try --set {off}"
+            )
+
+
+def braked_without_friction(preview: Preview) -> Iterator[str]:
+    """Idle rollers with bearings, on which nothing rubs: their bearings brake nothing."""
+    scene = preview.assembly.scene
+    for spec in scene.rollers if scene.friction is not None else ():
+        if spec.drive == "idle" and spec.bearing and not coefficient_on(scene, spec):
+            yield (
+                f"nothing rubs on the idle roller {spec.name}: it stands, and its bearings take "
+                f"nothing. Try --set rollers.{spec.name}.friction=0.2"
             )
 
 
@@ -1413,6 +1419,7 @@ PHYSICS_RULES = (
     uneven_fibres,
     loose_fibres,
     untouched_roller,
+    braked_without_friction,
     sideways_entry,
     beyond_yield,
     stretched_beyond_yield,

@@ -11,7 +11,7 @@ import numpy as np
 from anmstrip.arrays import Array
 from anmstrip.scene.checks import held_along, moved_ends
 from anmstrip.scene.schema import SceneSpec
-from anmstrip.scene.tables import ENDS, I_UNIT, FieldSpec, NaturalShape, StageSpec
+from anmstrip.scene.tables import ENDS, I_UNIT, FieldSpec, NaturalShape, RollerSpec, StageSpec
 
 CREEP_SHARE = 0.1
 """Share of the elastic creep that V_c is by default.
@@ -254,6 +254,12 @@ def elastic_creep(scene: SceneSpec) -> float:
     own = [roller.friction for roller in scene.rollers]
     f = max([scene.friction.coefficient, *(g for g in own if g is not None)]) or 1.0
     return f * working_strain(scene) * line_speed(scene)
+
+
+def coefficient_on(scene: SceneSpec, roller: RollerSpec) -> float:
+    """Return the friction coefficient on a roller, 0 without friction."""
+    given = 0.0 if scene.friction is None else scene.friction.coefficient
+    return given if roller.friction is None else roller.friction
 
 
 def working_strain(scene: SceneSpec) -> float:

@@ -44,6 +44,7 @@ from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, I_UNIT, THREADING, FieldSpec, NaturalShape
 from anmstrip.simulation.defaults import (
+    coefficient_on,
     distributed_load,
     eigenstrain,
     fastest,
@@ -608,7 +609,9 @@ class Assembly:
         from anmstrip.mechanics.transport import Drives, SteadyDrives
 
         chosen = [spec for spec in self.scene.rollers if spec.name in self.turning]
-        radii, bearings = (np.array([getattr(s, k) for s in chosen]) for k in ("radius", "bearing"))
+        radii = np.array([spec.radius for spec in chosen])
+        turned = [s.drive == "torque" or coefficient_on(self.scene, s) > 0.0 for s in chosen]
+        bearings = np.array([s.bearing for s in chosen]) * turned  # nothing turns the others
         drag = AIR_DRAG * self.scales.force / law.speed
         given = self.turning, radii, bearings, law.speed, drag, self.strip.unknowns
         return SteadyDrives(*given) if stage.steady else Drives(*given)
