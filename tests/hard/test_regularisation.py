@@ -194,3 +194,32 @@ def test_the_onset_of_contact_is_narrowed_until_it_is_not_seen() -> None:
     assert run.effect <= 1e-3 < run.passes[0]["effect"]
     assert run.passes[-1]["onset"] < 0.5 * 8e-3
     assert "an onset of" in run.message
+
+
+def test_laws_whose_sharpening_changes_nothing_more_are_sharp_enough() -> None:
+    """What is estimated of a line that is right to 0.01 N/m stays at 4 N/m; the fifth run stopped.
+
+    Results are those of the last run that came to its end.
+    """
+    tables = {
+        "strip": {"kinematics": "section", "width": 1.2, "thickness": 5e-4},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "friction": {"coefficient": 0.2, "speed": 1e-5, "regularisation": "auto"},
+        "threading": {"tension": 1e4, "entry": [0.0, 0.0, 0.0], "exit": [6.0, 0.0, 0.0]},
+        "rollers": [
+            {"name": "in", "radius": 0.3, "centre": [1.0, 0.0, -1.0], "wrap": "under"},
+            {"name": "idler", "radius": 0.3, "centre": [3.0, 0.0, 0.5], "wrap": "over",
+             "drive": "idle", "bearing": 20.0},
+            {"name": "out", "radius": 0.3, "centre": [5.0, 0.0, -1.0], "wrap": "under"},
+        ],
+        "stages": [{"name": "run", "steady": True, "entry": {"tension": 1e4},
+                    "rollers": {"in": {"surface_speed": 2.0}, "out": {"surface_speed": 2.0001}}}],
+        "solver": {"tolerance": 1e-4},
+    }  # fmt: skip
+    run = Scene.from_tables(tables, "line.toml").run()
+    for _ in run:
+        pass
+    assert isinstance(run, SharpenedRun)
+    assert run.outcome.done and "sharper ones change that no more" in run.message
+    effects = [each["effect"] for each in run.passes]
+    assert len(effects) < 5 and effects[-1] > 0.5 * effects[-2] and effects[0] > 1e-2

@@ -102,6 +102,10 @@ class Scene(SceneSpec):
 
 MAX_RUNS = 6
 
+USEFUL_REDUCTION = 0.5
+"""Share of the effect of the laws, of that of the run before, up to which a further run is made:
+what is estimated then is not theirs alone."""
+
 PART_SHARE = 0.2
 """Share of the tolerance that each of the three parts is aimed at."""
 
@@ -155,8 +159,11 @@ class SharpenedRun(Run):
                 f"{', '.join(words[:-1])} and {words[-1]} after {len(self.passes)} run(s)"
             )
             bound = "their constants are the least" if laws == sharper else "there are no more"
+            effects = [each["effect"] for each in self.passes]
+            useless = len(effects) > 1 and effects[-1] > USEFUL_REDUCTION * effects[-2]
+            bound = "sharper ones change that no more" if useless else bound
             self.message += "." if sharp else f": {bound}."
-            if sharp or len(self.passes) == MAX_RUNS or laws == sharper:
+            if sharp or useless or len(self.passes) == MAX_RUNS or laws == sharper:
                 self._finish()
                 return
             changes = {(SHARPENED_CONSTANTS[key][0], key): sharper[key] for key in sharper}
