@@ -652,3 +652,14 @@ def test_a_speed_of_a_roller_is_that_of_its_surface() -> None:
     with pytest.raises(InputError) as found:
         Scene.from_tables(tables, "line.toml")
     assert "surface_speed = 2" in [mistake.hint for mistake in found.value.mistakes]
+
+
+@pytest.mark.parametrize("table", ["friction", "contact", "material.plasticity"])
+def test_parameters_go_with_a_law_of_ones_own(table: str, tmp_path: Path) -> None:
+    """They were read and left."""
+    path = tmp_path / "line.toml"
+    path.write_text(GOOD, encoding="utf-8")
+    more = ["friction.coefficient=0.2", "material.yield_stress=3e8"]
+    with pytest.raises(InputError) as found:
+        Scene.load(path, [*more, f"{table}.parameters={{a=1.0}}"])
+    assert "none without a law" in str(found.value) and f"{table}.parameters" in str(found.value)

@@ -306,6 +306,13 @@ class StripSpec(NaturalShape):
             yield Mistake("", "feed", self.feed, expected, "feed = false")
 
 
+def without_law(parameters: Mapping[str, float], law: str | None) -> Iterator[Mistake]:
+    """Yield parameters beside a built-in law, which has none."""
+    if parameters and ":" not in (law or ""):
+        expected, hint = "none without a law of one's own", 'law = "my_laws:MyLaw" as well'
+        yield Mistake("", "parameters", dict(parameters), expected, hint)
+
+
 class PlasticitySpec(Table):
     """Plastic flow: the rate from the stress, ε_p' = ε₀ (σ/σ_y)ⁿ, in layers."""
 
@@ -330,6 +337,7 @@ class PlasticitySpec(Table):
 
     def find_mistakes(self) -> Iterator[Mistake]:
         """Yield an even exponent, with which tension and compression would flow the same way."""
+        yield from without_law(self.parameters, self.law)
         if self.exponent % 2 == 0:
             expected = "an odd integer, so that the flow has the sign of the stress (1)"
             hint = f"exponent = {self.exponent + 1}"
@@ -417,6 +425,7 @@ class ContactSpec(Table):
 
     def find_mistakes(self) -> Iterator[Mistake]:
         """Yield half a law, two, or a penalty without η < K δ."""
+        yield from without_law(self.parameters, self.law)
         penalty = {"stiffness": "1.0e10", "eta": "10.0", "delta": "1.0e-3"}
         given = [key for key in penalty if getattr(self, key) is not None]
         if self.law is not None:
@@ -469,6 +478,7 @@ class FrictionSpec(Table):
 
     def find_mistakes(self) -> Iterator[Mistake]:
         """Yield a constant without the law that has it."""
+        yield from without_law(self.parameters, self.law)
         given = [key for key in ("exponent", "omega") if key in self.model_fields_set]
         if given and "law" not in self.model_fields_set:
             key = given[0]
