@@ -11,6 +11,7 @@ from itertools import accumulate
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, Self, get_args, get_origin
 
+import numpy as np
 from pydantic import (
     BaseModel,
     Field,
@@ -107,7 +108,7 @@ class SceneSpec(Table):
     def __init__(self, /, **tables: Any) -> None:
         right: dict[str, Any] = {}  # tables without mistakes of their own
         found: list[Mistake] = []
-        tables = with_implied_tables(tables)
+        tables = with_implied_tables(of_python(tables))
         try:
             self.__pydantic_validator__.validate_python(tables, self_instance=self, context=right)
         except ValidationError as error:
@@ -370,6 +371,21 @@ class Override:
 def wrong_override(text: str, key: str, value: object, expected: str, hint: str) -> InputError:
     """Return the error of an option ``--set``."""
     return InputError([Mistake(f"--set {text}", key, value, expected, hint)])
+
+
+def of_python(value: Any) -> Any:
+    """Return what is typed with numpy's numbers and arrays as Python's, deep in tables and lists.
+
+    Examples
+    --------
+    >>> of_python({"cells": np.array([8, 1]), "stages": [{"duration": np.float64(1.0)}]})
+    {'cells': [8, 1], 'stages': [{'duration': 1.0}]}
+    """
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    if isinstance(value, dict):
+        return {key: of_python(each) for key, each in value.items()}
+    return type(value)(map(of_python, value)) if type(value) in (list, tuple) else value
 
 
 def with_implied_tables(scene: Mapping[str, Any]) -> dict[str, Any]:
