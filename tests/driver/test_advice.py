@@ -630,20 +630,6 @@ BRAKED = merged(
         {"name": "brake", "duration": 1.0, "rollers": {"a": {"torque": -1300.0}}},
     ],
 )
-PRESSED_DEEP: dict[str, Any] = {  # 0.6 m into a span of 2 m, by a roller without a wrap
-    "strip": {"kinematics": "section", "width": 1.0, "thickness": 2e-4},
-    "material": {"young": 2.1e11, "poisson": 0.3},
-    "friction": {"coefficient": 0.2},
-    "threading": {"tension": 3e3, "entry": [-0.5, 0.0, 0.0], "exit": [2.3, 0.0, 0.0]},
-    "rollers": [
-        {"name": name, "radius": 0.1, "centre": [x, 0.0, z], "drive": "idle"}
-        | ({"wrap": "over"} if z < 0.0 else {})
-        for name, x, z in (("a", 0.0, -0.1), ("press", 1.0, 0.12), ("b", 2.0, -0.1))
-    ],
-    "stages": [
-        {"name": "press", "friction": False, "rollers": {"press": {"move": [0.0, 0.0, -0.62]}}}
-    ],
-}
 PUSHED = merged(
     SHORT, strip={"refined": 0.25, "coil_set": 1e-9}, edges=HELD, stages=[PUSH], rollers=[]
 )
@@ -666,7 +652,6 @@ CARRIED = merged(  # on past an exit that is held
         (BRAKED, "roller a turns through under the strip: of its torque of -1300 N m"),
         (PUSHED, "the strip is pressed by 4.99e+05 N/m over 4 m"),
         (CARRIED, "what is held or moved stretches it"),
-        (PRESSED_DEEP, "have drawn the exit 0.34 m back, onto b"),
     ],
 )
 def test_what_a_last_state_shows_is_cured(
@@ -700,7 +685,6 @@ ELSEWHERE = {
     "heavy_bearings": "test_forewarnings.py",
     "proposed_keys": "reads what others propose",
     "spinning_rollers": "of what a last state shows",
-    "drawn_back": "of what a last state shows",
     "buckled_section": "of what a last state shows",
     "overstretched": "of what a last state shows",
     "guessed_rate": "test_reported_plasticity.py",

@@ -300,3 +300,40 @@ def test_ends_of_strip_that_a_roller_is_moved_into_go_as_the_last_roller(
         angle = np.arcsin((0.02 - 0.2 * (1.0 - np.cos(angle))) / run_length)
     way = 2.0 * (run_length + 0.2 * angle - 0.3)
     claim(f"the same, wrap {wrap} (m)", taken, way, 0.02, "a string")
+
+
+def test_a_roller_without_a_wrap_is_pressed_deep_into_a_run(claim: Claim) -> None:
+    """What the run takes up comes past the exit, which stays; it was drawn onto the last roller.
+
+    Nothing takes tension off without friction; the entry had 2723 N/m of 3000.
+    """
+    radius, half, depth = 0.1, 1.0, 0.6  # below the pass line, between rollers 2 m apart
+    tables = {
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 2e-4},
+        "material": {"young": 2.1e11, "poisson": 0.3},
+        "friction": {"coefficient": 0.2},
+        "threading": {"tension": 3e3, "entry": [-0.5, 0.0, 0.0], "exit": [2.3, 0.0, 0.0]},
+        "rollers": [
+            {"name": name, "radius": radius, "centre": [x, 0.0, z], "drive": "idle"}
+            | ({"wrap": "over"} if z < 0.0 else {})
+            for name, x, z in (("a", 0.0, -0.1), ("press", 1.0, 0.12), ("b", 2.0, -0.1))
+        ],
+        "stages": [
+            {"name": "press", "friction": False,
+             "rollers": {"press": {"move": [0.0, 0.0, -depth - 0.02]}}},
+        ],
+    }  # fmt: skip
+    run = Scene.from_tables(tables, "press.toml").run()
+    *_, last = run
+    state = last.state
+    assert state.tension("entry") == pytest.approx(3e3, abs=0.1)
+    for reading in state.rollers.values():
+        assert reading.tension_in == pytest.approx(3e3, rel=1e-3)
+    # a tangent on the insides of two circles, 2 r apart across its ends
+    apart = np.hypot(half, depth - 2.0 * radius)
+    angle = np.arctan2(depth - 2.0 * radius, half) + np.arcsin(2.0 * radius / apart)
+    way = 2.0 * (np.sqrt(apart**2 - 4.0 * radius**2) + 2.0 * radius * angle - half)
+    taken = run.facts()["feed"]["taken_up"]
+    claim("taken up by a roller pressed in by 0.6 m (m)", taken, way, 0.002, "a string")
+    assert run.cost.expansions < 400
+    assert not [words for words in run.warnings if "touched by nothing" in words]

@@ -246,34 +246,6 @@ def lifted_off(state: State, scene: SceneSpec) -> Iterator[str]:
             )
 
 
-FREE_END = 4.0
-"""Run behind the last contact, over √(D/T), with which a pull acts along strip that is free."""
-
-
-def drawn_back(state: State, scene: SceneSpec) -> Iterator[str]:
-    """A pulled exit that rollers moved into the strip have drawn up to the one before it.
-
-    Only runs between rollers with a wrap take up fresh strip; else it is drawn from the exit.
-    """
-    given, touched = scene.threading, [p for p in state.passages if p.touches(state.contacts)]
-    if given is None or given.exit is None or not (scene.strip.feed and touched):
-        return
-    (_, end), last = state.plan.model.strip.span, touched[-1]
-    places = np.array([state.along(name)[-1] for name in ("x", "z")])
-    back = float(np.linalg.norm(places - np.array(given.exit)[[0, 2]]))
-    free = end - last.arc[1]
-    if free < FREE_END * boundary_layer(scene) and back > free:
-        away = state.pull_direction("exit")
-        farther = 1.5 * (back + FREE_END * boundary_layer(scene))
-        typed = units.typed_vector(
-            np.array(given.exit) + farther * (0.0 if away is None else away), ".4g"
-        )
-        yield (
-            f"rollers that moved have drawn the exit {back:.2g} m back, onto {last.names[0]}: its "
-            f"pull acts aslant there. Try --set 'threading.exit={typed}'"
-        )
-
-
 def standing_idlers(state: State, scene: SceneSpec) -> Iterator[str]:
     """Idle rollers that strip slides over and does not turn."""
     for spec in scene.rollers:
@@ -792,7 +764,6 @@ OTHER_RULES = (
 )
 RULES_AT_END = (
     lifted_off,
-    drawn_back,
     standing_idlers,
     unbalanced_idlers,
     spinning_rollers,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -289,10 +289,6 @@ class RollerPassage:
     forces: Array  # on all strip up to where contact begins and ends (N), shape (2, 3)
     pulls: Array  # the same with the pressure on it up to the places
     width: float  # of the strip (m)
-
-    def touches(self, contacts: Mapping[str, ContactState]) -> bool:
-        """Whether strip touches a roller there."""
-        return any(bool(contacts[name].touching.any()) for name in self.names)
 
     @property
     def tensions(self) -> tuple[float, float]:

@@ -8,7 +8,7 @@ Material passes a label with c − ∂S/∂t, and v = ∂r/∂t + (c − ∂S/�
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -17,15 +17,18 @@ import numpy as np
 from scipy.integrate import trapezoid
 
 from anmstrip.arrays import Array
+from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import FieldSpec
 from anmstrip.simulation.defaults import boundary_layer, open_stages, thermal_growth
 from anmstrip.simulation.meshing import (
     Loads,
+    Other,
     arcs_in_stages,
     fine_beside,
     lengths_of_runs,
+    pressed,
     taken_up,
     wanted_size,
 )
@@ -56,17 +59,21 @@ class Growth:
         rollers.  Those of temperatures keep labels where they are.
     temperatures : tuple of FieldSpec
         That stages give.
+    others : tuple of Other
+        Rollers without a wrap that are pressed into runs.
     """
 
     thread: Thread
     x: Array
     shapes: Array
     temperatures: tuple[FieldSpec, ...] = ()
+    others: tuple[Other, ...] = ()
 
     @classmethod
-    def of(cls, scene: SceneSpec, thread: Thread, x: Array) -> Growth:
+    def of(cls, scene: SceneSpec, thread: Thread, x: Array, others: Sequence[Other]) -> Growth:
         """Return the shapes on given lines of nodes, away from where the strip lifts off."""
-        arcs, ends, layer = arcs_in_stages(scene, thread), [[x[0], x[0]]], boundary_layer(scene)
+        arcs, layer = arcs_in_stages(scene, thread, others), boundary_layer(scene)
+        ends = [[x[0], x[0]]]
         for roller in thread.rollers:
             first, last = np.transpose([each[roller.name] for each in arcs])
             beside = fine_beside(layer, wanted_size(scene, roller.radius, layer))
@@ -81,7 +88,12 @@ class Growth:
         given = [stage.strip.temperature for stage in open_stages(scene)]
         temperatures = tuple({repr(each): each for each in given if each is not None}.values())
         shapes += [thermal_growth(scene, each, x - x[0]) for each in temperatures]
-        return cls(thread, x, np.stack(shapes, axis=1), temperatures)
+        return cls(thread, x, np.stack(shapes, axis=1), temperatures, tuple(others))
+
+    @property
+    def rollers(self) -> list[Roller]:
+        """Rollers on whose places it depends how much strip runs hold."""
+        return [*self.thread.rollers, *(other.roller for other in self.others)]
 
     @property
     def nothing(self) -> Array:
@@ -120,10 +132,10 @@ class Growth:
     ) -> Array:
         """Unstressed strip (m) that runs hold beyond that of the beginning, (n + 1,)."""
         thread, shapes = self.thread, self.shapes[:, : len(before)]
-        moved = [replace(r, centre=tuple(map(float, centres[r.name]))) for r in thread.rollers]
+        moved = [replace(r, centre=tuple(map(float, centres[r.name]))) for r in self.rollers]
         with suppress(NotTouchedError, NoTangentError):
-            now = replace(thread, rollers=moved, given=thread.length)
-            runs = lengths_of_runs(now)
+            now = replace(thread, rollers=moved[: len(thread.rollers)], given=thread.length)
+            runs = lengths_of_runs(*pressed(thread, self.others, moved))
             longer = runs - lengths_of_runs(thread)
             if loads is not None:
                 longer += taken_up(now, loads, runs)

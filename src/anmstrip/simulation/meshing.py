@@ -10,6 +10,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from skfem import MeshLine, MeshQuad
 
 from anmstrip.arrays import Array
@@ -227,7 +228,8 @@ class Lines:
         back, ahead = strip_travel(scene, self.rollers, thread)
         if contact_stands(scene):
             back = ahead = 0.0
-        arcs = () if thread is None else arcs_in_stages(scene, thread)
+        others = pressed_rollers(scene, self.rollers, thread)
+        arcs = () if thread is None else arcs_in_stages(scene, thread, others)
         pairs = zip(self.rollers, wanted_sizes(scene, self.rollers, thread), strict=True)
         for roller, size in pairs if scene.contact is not None else ():
             margin = fine_beside(layer, size)
@@ -549,18 +551,102 @@ def fine_beside(layer: float, size: float) -> float:
     return float(np.clip(FINE_LAYERS * layer, 2.0 * size, 16.0 * size))
 
 
-def arcs_in_stages(scene: SceneSpec, thread: Thread) -> list[dict[str, tuple[float, float]]]:
+class Other(NamedTuple):
+    """A roller without a wrap that stages press into a run of threaded strip."""
+
+    roller: Roller
+    run: int  # number of the rollers before it that the strip is wrapped around
+    label: float  # where the strip passes it at the beginning (m)
+    sense: float  # +1 if it passes over it or on its left, −1 under or on its right
+
+
+def pressed_rollers(
+    scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None
+) -> list[Other]:
+    """Return rollers without a wrap that moves press into fed strip, in any stage; nips do not."""
+    if thread is None or not open_stages(scene):
+        return []
+    moved = {name for stage in open_stages(scene) for name, c in stage.rollers.items() if c.move}
+    loose = moved - set(thread.arcs)
+    if not loose or not (loose := loose - nipping_rollers(scene, rollers, thread)):
+        return []
+    found, arcs = list[Other](), list(thread.arcs.values())
+    for roller in rollers:
+        if roller.name in loose and abs(roller.unit_axis[1]) > 0.1:
+            label, sense = thread.passing(axis_crossing(roller))
+            if not any(first <= label <= last for first, last in arcs):
+                run = sum(last < label for _, last in arcs)
+                found.append(Other(roller, run, label, sense))
+    reached = set[str]()
+    for places in rollers_in_stages(scene, [*thread.rollers, *(other.roller for other in found)]):
+        with suppress(NotTouchedError, NoTangentError):
+            wide, _ = pressed(thread, found, places)
+            reached |= {roller.name for roller in wide.rollers}
+    return [other for other in found if other.roller.name in reached]
+
+
+def pressed(
+    thread: Thread, others: Sequence[Other], places: Sequence[Roller] | None = None
+) -> tuple[Thread, NDArray[np.bool_]]:
+    """Return the way round the thread's rollers and those of others that are pressed into it.
+
+    With which of its rollers are the thread's.
+
+    Parameters
+    ----------
+    thread : Thread
+    others : sequence of Other
+    places : sequence of Roller, optional
+        The thread's rollers and the others where they have come to.
+
+    Raises
+    ------
+    NotTouchedError, NoTangentError
+        A taut strip does not touch one of the thread's rollers, or two of them overlap.
+    """
+    at = {roller.name: roller for roller in places or ()}
+    own = zip(thread.rollers, thread.senses, thread.crossing, thread.depths, strict=True)
+    each: list[tuple[tuple[float, float], Roller, float, bool, float, bool]] = [
+        ((k + 0.5, 0.0), at.get(roller.name, roller), *more, True)
+        for k, (roller, *more) in enumerate(own)
+    ]
+    for roller, run, label, sense in others:
+        each.append(((run, label), at.get(roller.name, roller), sense, False, 0.0, False))
+    each.sort(key=lambda entry: entry[0])
+    given = thread.given if places is None else thread.length
+    while True:
+        _, rollers, senses, crossing, depths, wrapped = zip(*each, strict=True)
+        arrays = np.array(senses), np.array(crossing), np.array(depths)
+        shape = list(rollers), *arrays, thread.ends, thread.stretches, thread.tension, given
+        now = Thread(*shape, thread.layer, thread.supports)
+        try:
+            now.string_path(np.zeros(1))
+        except NotTouchedError as error:
+            if wrapped[error.index]:
+                raise
+            del each[error.index]
+        else:
+            return now, np.array(wrapped)
+
+
+def arcs_in_stages(
+    scene: SceneSpec, thread: Thread, others: Sequence[Other]
+) -> list[dict[str, tuple[float, float]]]:
     """Arcs of a threaded strip at the beginning and, where rollers move or weight acts, later on.
 
     Where labels follow rollers, the middle of an arc stays where it was.
     """
-    arcs, taut, places = [thread.arcs], thread, rollers_in_stages(scene, thread.rollers)
+    arcs, taut, along = [thread.arcs], thread, follows_rollers(scene) or bool(others)
+    here: Sequence[Roller] | None = None
+    places = rollers_in_stages(scene, [*thread.rollers, *(other.roller for other in others)])
     for rollers, loads in zip(places, loads_in_stages(scene), strict=True):
         with suppress(NotTouchedError, NoTangentError):
             if rollers is not None:
-                taut = replace(thread, rollers=rollers, given=thread.length)
-            now = dict(taut.arcs)
-            if follows_rollers(scene):
+                own, here = rollers[: len(thread.rollers)], rollers
+                taut = replace(thread, rollers=own, given=thread.length)
+            wide = pressed(thread, others, here)[0] if others else taut
+            now = {name: arc for name, arc in wide.arcs.items() if name in thread.arcs}
+            if along:
                 for name, (first, last) in now.items():
                     shift = 0.5 * (sum(thread.arcs[name]) - first - last)
                     now[name] = first + shift, last + shift
@@ -717,15 +803,16 @@ HEAT_PLACES = 1000
 """Places along the way at which it is summed up by how much heat lengthens the strip."""
 
 
-def follows(scene: SceneSpec, thread: Thread) -> bool:
+def follows(scene: SceneSpec, thread: Thread, others: Sequence[Other]) -> bool:
     """Return whether labels of a fed strip follow their rollers or stay on them.
 
-    They follow rollers that move, and stay where weight, tension or heat lengthens the strip.
+    They follow rollers that move, also as others are pressed into the strip, and stay where weight,
+    tension or heat lengthens it.
     """
     passes = open_stages(scene)
     if not passes:
         return False
-    if follows_rollers(scene):
+    if follows_rollers(scene) or others:
         return True
     places = np.linspace(0.0, thread.length, HEAT_PLACES)
     layer, turns = boundary_layer(scene), np.abs(thread.middle.arcs.turn[:, 0])
@@ -745,10 +832,14 @@ def follows(scene: SceneSpec, thread: Thread) -> bool:
     return False
 
 
-def lengths_of_runs(thread: Thread) -> Array:
-    """Lengths of the path (m) between the middles of its arcs, and from and to its ends."""
+def lengths_of_runs(thread: Thread, own: NDArray[np.bool_] | None = None) -> Array:
+    """Lengths of the path (m) between the middles of its arcs, and from and to its ends.
+
+    Between those of some of its rollers, if these are given.
+    """
     arcs = thread.middle.arcs
     middles = 0.5 * (arcs.start[:, 0] + arcs.end[:, 0])
+    middles = middles if own is None else middles[own]
     return np.diff([0.0, *middles, float(thread.middle.length[0])])
 
 

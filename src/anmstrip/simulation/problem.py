@@ -67,6 +67,7 @@ from anmstrip.simulation.meshing import (
     loads_in_stages,
     mesh_density,
     nipping_rollers,
+    pressed_rollers,
     shortest_wanted,
     strip_mesh,
 )
@@ -330,11 +331,14 @@ class Assembly:
     @cached_property
     def growth(self) -> Growth | None:
         """The strip that runs take up, where labels follow rollers, or stay on them."""
-        if self.thread is None or not follows(self.scene, self.thread):
+        if self.thread is None:
+            return None
+        others = pressed_rollers(self.scene, self.rollers, self.thread)
+        if not follows(self.scene, self.thread, others):
             return None
         from anmstrip.simulation.growth import Growth
 
-        return Growth.of(self.scene, self.thread, np.unique(self.strip.mesh.p[0]))
+        return Growth.of(self.scene, self.thread, np.unique(self.strip.mesh.p[0]), others)
 
     @property
     def sways(self) -> bool:

@@ -398,7 +398,7 @@ class Course:
         end |= {key: np.array(to, dtype=float) for key, to in plain.items() if to is not None}
         held = (self._holds_along(name, self._held().get(name, ())) for name in ENDS)
         if (growth := self.assembly.growth) is not None and not all(held):
-            centres = {r.name: end[f"rollers.{r.name}.centre"] for r in growth.thread.rollers}
+            centres = {r.name: end[f"rollers.{r.name}.centre"] for r in growth.rollers}
             given = self.assembly.loads_of(stage), stage.strip.temperature
             end["strip.held"] = growth.held(centres, start["strip.held"], *given)
         return end
