@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 from collections import Counter
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ import pytest
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.results import files as history
-from anmstrip.results.events import Event
+from anmstrip.results.events import Event, without_flickers
 
 LIFTED = {
     "strip": {"length": 2.0, "width": 1.0, "thickness": 1e-3, "cells": [8, 2],
@@ -201,14 +202,14 @@ def test_a_roller_that_few_points_touch_is_not_dated_with_every_one_that_passes(
             {"name": "convey", "duration": 0.5, "entry": {"speed": 0.4}},
         ],
     }  # fmt: skip
-    tangents, flickers = [], 0
+    tangents, passing = [], 0
     for events in (False, True):
         run = Run(Scene.model_validate({**tables, "output": {"events": events}}))
         for step in run:
-            flickers += sum(e.roller == "top" and e.point is None for e in step.events)
+            passing += sum(e.roller == "top" and e.point is not None for e in step.events)
         assert run.outcome.done
         tangents.append(run.cost.expansions)
-    assert flickers > 50
+    assert passing > 50
     assert tangents[1] < 2 * tangents[0]
 
 
@@ -245,3 +246,14 @@ def test_a_first_step_of_fixed_length_is_halved_for_its_events() -> None:
     run = Scene.from_tables(RISING, "rising.toml", ["solver.time_step=0.1"]).run()
     events = [event for step in run for event in step.events]
     assert run.outcome.done and any(event.point is None for event in events)
+
+
+def test_what_a_roller_is_again_at_the_end_of_a_long_step_is_not_told() -> None:
+    """A polynomial of 0.17 s had a roller under 900 N lose the strip, and touch it again."""
+    kinds = ("slip", "contact lost", "contact made", "stick", "contact lost")
+    whole = [Event(0.1 * k, "run", kind, "b") for k, kind in enumerate(kinds)]
+    point = Event(0.15, "run", "slip", "b", point=3)
+    assert without_flickers([*whole[:4], point]) == (point,)
+    assert without_flickers([whole[0], point, *whole[1:]]) == (point, whole[4])
+    other = replace(whole[1], roller="a")
+    assert without_flickers([*whole[:4], other]) == (other,)

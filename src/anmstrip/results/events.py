@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -122,6 +122,22 @@ class Event:
     step: float | None = None  # of time (s), to which its date is known; None along a path
 
 
+def without_flickers(found: Iterable[Event]) -> tuple[Event, ...]:
+    """Return events of points, and those of whole rollers that leave them otherwise than before.
+
+    What is lost and made again, or slips and sticks again, within a step that is not halved may be
+    what a polynomial makes of a long step.
+    """
+    kept, last = list[Event](), dict[tuple[str, bool], list[Event]]()
+    for event in found:
+        if event.point is None:
+            last.setdefault((event.roller, event.kind in EVENT_KINDS[0]), []).append(event)
+        else:
+            kept.append(event)
+    kept += (events[-1] for events in last.values() if len(events) % 2)
+    return tuple(sorted(kept, key=lambda event: event.time))
+
+
 MAX_DATED = 2
 """Events of one roller as a whole in a step, at most, that are dated by halves of it.
 
@@ -207,7 +223,7 @@ class EventWatch:
             whole = Counter(event.roller for event in found if event.point is None)
             flickers = max(whole.values(), default=0) > MAX_DATED
             if not whole or flickers or length <= self.tolerance * plan.duration:
-                return found
+                return without_flickers(found) if flickers else found
             self.watches, self.touching, self.sticking, self.plan = kept
             middle = state.at(begin.time + 0.5 * length, before)
             return (*halved(begin, middle), *halved(middle, replace(end, step=None)))
