@@ -358,7 +358,8 @@ class Equilibrium:
         off = np.abs(force(begun) / resistance(each)[own])
         if not np.any(off > np.maximum(WRONG_SPEED_SHARE * np.abs(begun), unit)):
             return u
-        fast = FULL_SLIP_SPEED * unit + 2.0 * float(np.abs(velocity(u, 1.0)).max())
+        others = np.delete(velocity(u, 1.0), own)  # their own may be hundreds of m/s
+        fast = FULL_SLIP_SPEED * unit + 2.0 * float(np.abs(others).max())
         least, most = (force(np.full(count, end)) for end in (-fast, fast))
         loose = (least < 0.0) & (most > 0.0)
         loose &= most - least < 2.0 * tolerance * self.model.scales.force

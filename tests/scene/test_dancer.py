@@ -258,20 +258,24 @@ def test_a_steady_line_keeps_the_tension_of_its_entry_through_a_stroke() -> None
     assert last.state.rollers["a"].torque == pytest.approx(-80.0, rel=1e-2)
 
 
-@pytest.mark.parametrize("wrap", ["under", None])
+@pytest.mark.parametrize(
+    ("wrap", "thickness", "tension"),
+    [("under", 1e-4, 4e3), (None, 1e-4, 4e3), ("under", 2e-3, 2e4)],
+)
 def test_ends_of_strip_that_a_roller_is_moved_into_go_as_the_last_roller(
-    wrap: str | None, claim: Claim
+    wrap: str | None, thickness: float, tension: float, claim: Claim
 ) -> None:
     """The roller before the exit sticks: its surface passes as much strip as leaves.
 
-    What enters and does not leave is taken up, by a string on three rollers 0.3 m apart.
+    What enters and does not leave is taken up, by a string on three rollers 0.3 m apart; stiff
+    strip takes up less, so that its exit sways.
     """
     names = {"l1": (0.0, -0.1, "over"), "u": (0.3, 0.1, wrap), "l2": (0.6, -0.1, "over")}
     tables = {
-        "strip": {"kinematics": "section", "width": 1.0, "thickness": 1e-4},
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": thickness},
         "material": {"young": 2.1e11, "poisson": 0.3},
         "friction": {"coefficient": 0.2},
-        "threading": {"tension": 4e3, "entry": [-1.0, 0.0, 0.0], "exit": [1.6, 0.0, 0.0]},
+        "threading": {"tension": tension, "entry": [-1.0, 0.0, 0.0], "exit": [1.6, 0.0, 0.0]},
         "rollers": [
             {"name": name, "radius": 0.1, "centre": [x, 0.0, z], "drive": "idle"}
             | ({} if side is None else {"wrap": side})
@@ -288,18 +292,22 @@ def test_ends_of_strip_that_a_roller_is_moved_into_go_as_the_last_roller(
     history = {name: np.array(column) for name, column in run.history.items()}
     moving = history["stage"] == "in"
     for speed, at in ((history["exit_speed"], "l2"), (history["entry_speed"], "l1")):
-        stretched = speed[moving] * (1.0 + 4e3 / 2.1e11 / 1e-4)
-        assert stretched == pytest.approx(history[f"{at}_surface_speed"][moving], rel=2e-5)
+        stretched = speed[moving] * (1.0 + tension / 2.1e11 / thickness)
+        assert stretched == pytest.approx(
+            history[f"{at}_surface_speed"][moving], rel=0.1 * thickness
+        )
     gone = history["entry_speed"] - history["exit_speed"]
     between = np.trapezoid(gone[moving], history["time"][moving])
     taken = run.facts()["feed"]["taken_up"]
-    claim(f"taken up by a roller with wrap {wrap} (m)", taken, between, 0.01, "speeds of the ends")
+    told = f"taken up by {thickness:g} m of strip on a roller with wrap {wrap} (m)"
+    claim(told, taken, between, 0.01, "speeds of the ends")
     angle = np.arctan(0.02 / 0.3)
     for _ in range(50):  # l cos θ + 2 r sin θ = 0.3, l sin θ + 2 r (1 − cos θ) = 0.02
         run_length = (0.3 - 0.2 * np.sin(angle)) / np.cos(angle)
         angle = np.arcsin((0.02 - 0.2 * (1.0 - np.cos(angle))) / run_length)
     way = 2.0 * (run_length + 0.2 * angle - 0.3)
-    claim(f"the same, wrap {wrap} (m)", taken, way, 0.02, "a string")
+    if thickness < 1e-3:
+        claim(f"{told}, thin", taken, way, 0.02, "a string")
 
 
 def test_a_roller_without_a_wrap_is_pressed_deep_into_a_run(claim: Claim) -> None:
