@@ -798,17 +798,13 @@ def test_strip_flows_at_about_its_yield_stress_where_no_rate_is_typed(tables):
 
 
 def test_strip_that_flows_at_another_rate_is_told_what_to_type(tmp_path):
-    """Pulled out at v it flows at v/L, and at (v/L ε₀)^(1/n) of its yield stress."""
-    speed, length, duration = 0.02, 2.0, 1.0
+    """Pulled out by 5 % in a second it flows at v/L, and at (v/L ε₀)^(1/n) of its yield stress."""
+    way, length = 0.1, 2.0
     tables = {
         "strip": {"kinematics": "section", "length": length, "width": 1.0, "thickness": THICKNESS},
         "material": {**WIDE, "poisson": 0.0, "plasticity": {"uniaxial": True}},
         "edges": {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["x", "z"]}},
-        "stages": [
-            {"name": "start", "duration": 0.1, "exit": {"velocity": [speed, 0.0, 0.0]}},
-            {"name": "pull", "duration": duration},
-            {"name": "long", "duration": 1e-3},
-        ],
+        "stages": [{"name": "pull", "duration": 1.0, "exit": {"move": [way, 0.0, 0.0]}}],
     }  # fmt: skip
 
     def level(name, *settings):
@@ -816,7 +812,7 @@ def test_strip_that_flows_at_another_rate_is_told_what_to_type(tmp_path):
         *_, last = found
         guess = last.state.plasticity.flow.rate
         told = json.loads((tmp_path / name / "summary.json").read_text())["flow_level"]
-        rate = speed / (length + speed * duration)
+        rate = way / (length + way)
         assert told == pytest.approx((rate / guess) ** (1.0 / 51.0), rel=3e-3)
         assert f"flows at {told:.3f} times its yield stress" in report(found)
         return told, [words for words in found.warnings if "reference_rate" in words]
@@ -825,3 +821,41 @@ def test_strip_that_flows_at_another_rate_is_told_what_to_type(tmp_path):
     assert abs(told - 1.0) > 0.03
     told, warned = level("typed", words.rpartition("--set ")[2])
     assert told == pytest.approx(1.0, abs=0.005) and not warned
+
+
+def test_a_typed_rate_is_that_at_the_speed_of_the_strip():
+    """A line that slows down to a hundredth ends as one that is slow: at 0.91 of its stress.
+
+    A last roller that slips at a hundred times the speed changes nothing.
+    """
+    (stage,) = TABLES["stages"]
+    slow = {**stage, "strip": {"speed": 0.01}, "rollers": {"r": {"surface_speed": 0.01}}}
+
+    def bent(*stages):
+        *_, last = Scene.from_tables({**TABLES, "stages": stages}, "slow.toml").run()
+        layers = YieldedStrip.of(last.state)
+        return layers.flow_level, layers.rollers()["r"].moment
+
+    usual, _ = bent(stage)
+    level, moment = bent(slow)
+    assert level / usual == pytest.approx(0.01 ** (1.0 / 51.0), rel=0.01)
+    assert bent(stage, {**slow, "name": "slow"}) == pytest.approx((level, moment), rel=2e-3)
+    fast = {**slow, "rollers": {"r": {"surface_speed": 1.0}}}
+    assert bent(fast) == pytest.approx((level, moment), rel=2e-3)
+
+
+@pytest.mark.parametrize("hold", [False, True])
+def test_no_rate_is_read_off_strip_that_nothing_moves_any_more(hold, tmp_path):
+    """Its stress relaxes, and the rate at which it does so would make the pull too hard."""
+    held = {"fixed": ["x", "z"]}
+    stages = [{"name": "pull", "duration": 1.0, "exit": {"move": [0.02, 0.0, 0.0]}}]
+    stages += [{"name": "hold", "duration": 10.0}] * hold
+    tables = {
+        "strip": {"kinematics": "section", "length": 2.0, "width": 1.0, "thickness": THICKNESS},
+        "material": WIDE, "edges": {"entry": held, "exit": held}, "stages": stages,
+    }  # fmt: skip
+    found = Scene.from_tables(tables, "hold.toml").run(tmp_path)
+    for _ in found:
+        pass
+    assert not [words for words in found.warnings if "reference_rate" in words]
+    assert ("By its rate" in report(found)) != hold

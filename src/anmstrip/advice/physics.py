@@ -28,6 +28,7 @@ from anmstrip.simulation.defaults import (
     bent_curvature,
     coefficient_on,
     distributed_load,
+    flow_stress,
     largest_force,
     varies_along,
 )
@@ -779,7 +780,7 @@ def carrying_speeds(
 def unequal_speeds(preview: Preview) -> Iterator[str]:
     """Driven rollers of which some must slip or brake, since their surfaces go at other speeds.
 
-    Not those between which strip stretches as much, by less tension than they hold.
+    Not those between which strip stretches as much, by less tension than they hold, or yields.
     """
     assembly = preview.assembly
     driven = (r for r in assembly.rollers if r.name not in assembly.turning)
@@ -788,6 +789,10 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
         return
     grip = min((holding_ratio(preview, roller) for roller in touched), default=1.0)
     held = (grip - 1.0) * preview.tension / assembly.strip.tensile_stiffness
+    if (flow := flow_stress(assembly.scene)) is not None:  # half of the rollers are on either side
+        whole = float(np.prod([holding_ratio(preview, roller) for roller in touched]))
+        yields = preview.tension * np.sqrt(whole) > flow * assembly.strip.thickness
+        held = LARGEST_ELONGATION if yields else held
     for stage, last in carrying_speeds(assembly, touched):
         if not stage.rollers or not any(last.values()):
             continue

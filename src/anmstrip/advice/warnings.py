@@ -329,11 +329,14 @@ FLOW_ERROR = 0.03
 
 
 def guessed_rate(state: State, scene: SceneSpec) -> Iterator[str]:
-    """Yield a rate to type where strip flows at another than was guessed for it."""
+    """Yield a rate to type where strip flows at another than was guessed for it.
+
+    Not where nothing moves any more: there its stress relaxes.
+    """
     from anmstrip.results.plastic import YieldedStrip
 
     spec, strip = scene.material.plasticity, YieldedStrip.of(state)
-    if spec is None or spec.reference_rate is not None or strip is None:
+    if spec is None or spec.reference_rate is not None or strip is None or state.plan.still:
         return
     level = strip.flow_level
     if level is not None and abs(level - 1.0) > FLOW_ERROR:

@@ -526,7 +526,7 @@ def bend_table(state: State) -> list[str | Table]:
     if layers is None:
         return []
     bends = layers.rollers()
-    if (level := layers.flow_level) is not None:
+    if (level := layers.flow_level) is not None and not state.plan.still:
         parts = [f"By its rate, the strip flows at {level:.3f} times its yield stress."]
     if not bends:
         x, _ = layers.stations

@@ -384,7 +384,8 @@ def flow_rate(scene: SceneSpec, turns: Mapping[str, float]) -> float:
     Between driven rollers a draw flows at the difference of their speeds over their distance, if no
     bend between them takes it.  The rate is the mean of these, by what each leaves of plastic
     strain.  Without any it is some strains of first yield, over the time in which the shortest
-    span passes, or over stages.
+    span passes, or over stages that change something; of flat strip with an end that travels the
+    speed of this over its length.
 
     Parameters
     ----------
@@ -412,10 +413,21 @@ def flow_rate(scene: SceneSpec, turns: Mapping[str, float]) -> float:
     if flows := [*found.values(), *draws]:
         rates, strains = np.transpose(flows)
         return float(np.exp(np.average(np.log(rates), weights=strains)))
+    if not threaded and speed:
+        return speed / (scene.strip.length or 1.0)
     strain = YIELDED_STRAIN * first
-    if speed and threaded:
+    if speed:
         return strain * speed / shortest_span(scene)
-    return strain / float(np.exp(np.mean(np.log([stage.duration for stage in scene.stages]))))
+    times = [stage.duration for stage in scene.stages if changes_strip(stage)]
+    times = times or [stage.duration for stage in scene.stages]
+    return strain / float(np.exp(np.mean(np.log(times))))
+
+
+def changes_strip(stage: StageSpec) -> bool:
+    """Return whether a stage moves, pulls or heats strip, or lets it unbend."""
+    given = [edge.force or edge.moment for edge in stage.edges.values()]
+    pulled = any(edge.tension is not None for edge in stage.edges.values())
+    return any(move_lengths(stage)) or pulled or any(given) or bool(stage.strip.natural)
 
 
 def draws_between_rollers(scene: SceneSpec) -> Iterator[tuple[float, float, list[str]]]:
@@ -438,6 +450,20 @@ def fastest(scene: SceneSpec) -> float:
     """Return the largest speed (m/s) that a scene gives rollers, ends and strip, 0 if none."""
     speeds = [abs(v) for stage in scene.stages for _, v in stage_speeds(scene, stage)]
     return max([*speeds, *(abs(stage.strip.speed or 0.0) for stage in scene.stages)], default=0.0)
+
+
+def passing_speed(scene: SceneSpec, stage: StageSpec) -> float:
+    """Return about the speed (m/s) of the strip at the end of a stage, also of one of a map.
+
+    That of the strip if it is given there, else the median of those of the driven rollers.
+    """
+    if stage.strip.speed is not None:
+        return abs(stage.strip.speed)
+    names, speeds = [each.name for each in scene.stages], dict[str, float]()
+    until = names.index(stage.name) if stage.name in names else len(names)
+    for each in (*scene.stages[:until], stage):
+        speeds |= dict(stage_speeds(scene, each))
+    return float(np.median(np.abs([*speeds.values()]))) if speeds else 0.0
 
 
 def line_speed(scene: SceneSpec) -> float:

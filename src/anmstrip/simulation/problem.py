@@ -51,6 +51,7 @@ from anmstrip.simulation.defaults import (
     flow_rate,
     largest_force,
     line_speed,
+    passing_speed,
     resting_speed,
     resting_stages,
     tension_of_moves,
@@ -513,18 +514,32 @@ class Assembly:
         return None if self.flow is None else self._plasticity(self.flow, False, False)
 
     @cached_property
-    def flowing_along(self) -> Plasticity | None:
-        """Plastic flow along the strip in stationary states, at the speed of the fastest roller."""
-        if self.flow is None:
+    def _flowing_along(self) -> dict[float, Plasticity]:
+        """Plastic flow along the strip, by speeds (m/s)."""
+        return {}
+
+    def flowing_along(self, stage: StageSpec) -> Plasticity | None:
+        """Plastic flow along the strip in a stationary state, at its speed at the stage's end.
+
+        A rate that is guessed is that of the fastest speed, and grows with it.
+        """
+        p = self.scene.material.plasticity
+        if self.flow is None or p is None:
             return None
-        flow = replace(self.flow, rate=self.flow.rate / (fastest(self.scene) or 1.0))
-        return self._plasticity(flow, False, True)
+        speed = fastest(self.scene)
+        if p.reference_rate is not None:
+            speed = passing_speed(self.scene, stage) or speed
+        speed = speed or 1.0
+        if speed not in self._flowing_along:
+            flow = replace(self.flow, rate=self.flow.rate / speed)
+            self._flowing_along[speed] = self._plasticity(flow, False, True)
+        return self._flowing_along[speed]
 
     def plasticity(self, stage: StageSpec) -> Plasticity | None:
         """Return plastic strains as they grow in a stage, if the material yields."""
         if not self.yields(stage):
             return self.frozen
-        return self.flowing_along if stage.steady else self.flowing
+        return self.flowing_along(stage) if stage.steady else self.flowing
 
     def units(self, stage: StageSpec) -> Array | None:
         """Return the units of the plastic strains' equations in a stage, if there are any."""
