@@ -212,7 +212,10 @@ def test_power_is_what_the_tensions_do():
 
 
 def test_power_of_a_drawn_section_is_what_its_ends_do():
-    """T v: all of it flows, though its fibres flow by 1 − ν² of what the section lengthens."""
+    """T v: all of it flows, though its fibres flow by 1 − ν² of what the section lengthens.
+
+    The rate is the power 51 of the stress, and 0.3 % off where that is 6e-5 off.
+    """
     tables = {
         "strip": {
             "kinematics": "section", "length": 1.0, "width": 2.0, "thickness": 1e-3, "cells": (4, 1)
@@ -220,6 +223,7 @@ def test_power_of_a_drawn_section_is_what_its_ends_do():
         "material": {"young": 2e11, "poisson": 0.3, "yield_stress": 3e8, "plasticity": {}},
         "edges": {name: {"fixed": ("x", "z")} for name in ("entry", "exit")},
         "stages": [{"name": "draw", "duration": 2.0, "exit": {"velocity": (0.02, 0.0, 0.0)}}],
+        "solver": {"tolerance": 1e-5},
     }  # fmt: skip
     *_, last = Scene.from_tables(tables, "drawn.toml").run()
     told = last.state.along("yield_power")
