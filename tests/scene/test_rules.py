@@ -412,7 +412,7 @@ def test_a_duration_may_be_left_out_where_nothing_depends_on_time(tmp_path: Path
         assert Scene.load(tmp_path / "scene.toml").stages[-1].duration == 1.0
     moving = bare.replace("\nduration = 0.6\n", "\nentry.speed = 1.0\n")
     (told,) = mistakes_of(tmp_path, moving).values()
-    assert "without friction and ends at rest" in str(told)
+    assert "without friction, yield and ends that move" in str(told)
 
 
 def test_the_only_stage_is_wrong(tmp_path: Path) -> None:

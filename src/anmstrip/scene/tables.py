@@ -655,8 +655,8 @@ class StageSpec(Table):
     name: Name = Field(examples=['"turn"'])
     """name, of letters, digits, - and _ (text)"""
     duration: Positive = Field(examples=["1.0"])
-    """duration, above 0; not needed with steady = true, or without friction, yield, and ends that
-    move (s)"""
+    """duration, not needed with steady = true, or without friction, yield and ends that move,
+    above 0 (s)"""
     steady: StrictBool = Field(False, examples=["true"])
     """whether every state of the stage is a stationary one (true or false)"""
     strip: StripControl = Field(StripControl(), examples=["{ speed = 1.0 }"])
