@@ -366,6 +366,16 @@ def test_what_is_told_before_a_run_is_cured_by_what_is_typed(
     assert not done(repr(scene.to_dict()))
 
 
+def test_an_idler_on_which_nothing_rubs_stands() -> None:
+    """Its bearings went on against the air for 5 500 tangents."""
+    run = Scene.from_tables(UNRUBBED, "line.toml").run()
+    *_, last = run
+    assert run.outcome.done and run.cost.expansions < 20
+    (roller,) = last.state.rollers.values()
+    assert abs(roller.surface_speed) < 1e-6
+    assert roller.tension_in == pytest.approx(roller.tension_out, rel=1e-6)
+
+
 # where a run stops -------------------------------------------------------------------------------
 
 STEEP = {

@@ -291,11 +291,10 @@ def test_ends_of_strip_that_a_roller_is_moved_into_go_as_the_last_roller(
         pass
     history = {name: np.array(column) for name, column in run.history.items()}
     moving = history["stage"] == "in"
+    rolling = 2e-5 if thickness < 1e-3 else 2e-4  # the line on which stiff strip rolls off moves
     for speed, at in ((history["exit_speed"], "l2"), (history["entry_speed"], "l1")):
         stretched = speed[moving] * (1.0 + tension / 2.1e11 / thickness)
-        assert stretched == pytest.approx(
-            history[f"{at}_surface_speed"][moving], rel=0.1 * thickness
-        )
+        assert stretched == pytest.approx(history[f"{at}_surface_speed"][moving], rel=rolling)
     gone = history["entry_speed"] - history["exit_speed"]
     between = np.trapezoid(gone[moving], history["time"][moving])
     taken = run.facts()["feed"]["taken_up"]

@@ -988,22 +988,3 @@ def test_no_stationary_state_has_a_speed_that_only_the_air_ends(torque: float, h
         assert last.state.rollers["pull"].torque == pytest.approx(torque, rel=1e-3)
     else:
         assert "rollers.pull.torque = 2000 N m is more than friction can t" in run.message
-
-
-def test_an_idler_on_which_nothing_rubs_stands() -> None:
-    """Its bearings went on against the air for 5 500 tangents."""
-    tables = {
-        "strip": {"kinematics": "section", "width": 1.0, "thickness": 4e-4},
-        "material": {"young": 2.1e11, "poisson": 0.3},
-        "friction": {"coefficient": 0.3},
-        "threading": {"tension": 5e3, "entry": [-2.0, 0.0, 0.2], "exit": [0.2, 0.0, -2.0]},
-        "rollers": [{"name": "d", "radius": 0.2, "centre": [0.0, 0.0, 0.0], "wrap": "over",
-                     "drive": "idle", "bearing": 20.0, "friction": 0.0}],
-        "stages": [{"name": "run", "steady": True, "strip": {"speed": 1.0}}],
-    }  # fmt: skip
-    run = Scene.from_tables(tables, "line.toml").run()
-    *_, last = run
-    assert run.outcome.done and run.cost.expansions < 20
-    (roller,) = last.state.rollers.values()
-    assert abs(roller.surface_speed) < 1e-6
-    assert roller.tension_in == pytest.approx(roller.tension_out, rel=1e-6)

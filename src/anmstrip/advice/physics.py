@@ -270,13 +270,9 @@ def moved_through(preview: Preview, roller: Roller) -> bool:
         path, moved = string.path, axis_crossing(roller) - np.asarray(roller.centre)[[0, 2]]
         if path is None or not np.any(plan.controls.slope.get(key, 0.0)):
             continue
-        at, heading = path.at(np.linspace(0.0, float(path.length[0]), STRIP_SAMPLES), 0)
-        sides = []
-        for share in (0.0, 1.0):
-            way = (np.asarray(plan.controls.at(share)[key])[[0, 2]] + moved)[:, None] - at
-            near = int((way**2).sum(axis=0).argmin())
-            sides.append(heading[1, near] * way[0, near] > heading[0, near] * way[1, near])
-        if sides[0] != sides[1]:
+        before, after = (np.asarray(plan.controls.at(share)[key])[[0, 2]] for share in (0.0, 1.0))
+        sides = {path.passing(place + moved, STRIP_SAMPLES)[1] for place in (before, after)}
+        if len(sides) > 1:
             return True
     return False
 

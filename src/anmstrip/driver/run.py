@@ -359,12 +359,13 @@ class Run:
         if march.reached is not None or self.state is None:  # resumed, or at the very beginning
             self.state = march.here(plan)
         if march.reached is None or march.reached < 1.0:
+            usual = line_speed(self.scene)
             try:
                 for step in march.through(plan, most, between=between):
                     with delay_interrupts():
                         accepted = self._accept(step)
                     yield accepted
-                    if outcome := endless(step.state, line_speed(self.scene)):
+                    if outcome := endless(step.state, usual):
                         raise PathStopped(outcome, step.state.control)
             finally:
                 self._count(plan)

@@ -239,6 +239,29 @@ class StringPath:
         chord = sigma * np.sinc(half / np.pi) * frame(t + half)[0]
         return self.points[:, piece, fibre] + chord, frame(t + 2.0 * half)[0]
 
+    def passing(self, point: Array, samples: int) -> tuple[float, float]:
+        """Arc length (m) at which the first fibre is nearest to a point, and its sense round it.
+
+        Parameters
+        ----------
+        point : ndarray, shape (2,)
+            (x, z) (m).
+        samples : int
+            Number of places that are looked at, evenly along the path.
+
+        Returns
+        -------
+        s : float
+        sense : float
+            +1 if it passes over the point or leaves it on its right, else −1.
+        """
+        s = np.linspace(0.0, float(self.length[0]), samples)
+        position, heading = self.at(s, 0)
+        way = point[:, None] - position
+        i = int((way**2).sum(axis=0).argmin())
+        right = heading[1, i] * way[0, i] - heading[0, i] * way[1, i]
+        return float(s[i]), 1.0 if right >= 0.0 else -1.0
+
     def stiff(self, s: Array, fibre: NDArray[Any], layer: float, heights: Array) -> Array:
         """Places of a strip that bends from this path onto circles inside, at its arc lengths s.
 

@@ -24,12 +24,12 @@ from anmstrip.scene.tables import FieldSpec
 from anmstrip.simulation.defaults import boundary_layer, open_stages, thermal_growth
 from anmstrip.simulation.meshing import (
     Loads,
-    Other,
+    LooseRoller,
     arcs_in_stages,
     fine_beside,
     lengths_of_runs,
-    pressed,
     taken_up,
+    threaded_around,
     wanted_size,
 )
 from anmstrip.simulation.threading import Thread
@@ -59,7 +59,7 @@ class Growth:
         rollers.  Those of temperatures keep labels where they are.
     temperatures : tuple of FieldSpec
         That stages give.
-    others : tuple of Other
+    others : tuple of LooseRoller
         Rollers without a wrap that are pressed into runs.
     """
 
@@ -67,10 +67,12 @@ class Growth:
     x: Array
     shapes: Array
     temperatures: tuple[FieldSpec, ...] = ()
-    others: tuple[Other, ...] = ()
+    others: tuple[LooseRoller, ...] = ()
 
     @classmethod
-    def of(cls, scene: SceneSpec, thread: Thread, x: Array, others: Sequence[Other]) -> Growth:
+    def of(
+        cls, scene: SceneSpec, thread: Thread, x: Array, others: Sequence[LooseRoller]
+    ) -> Growth:
         """Return the shapes on given lines of nodes, away from where the strip lifts off."""
         arcs, layer = arcs_in_stages(scene, thread, others), boundary_layer(scene)
         ends = [[x[0], x[0]]]
@@ -135,7 +137,7 @@ class Growth:
         moved = [replace(r, centre=tuple(map(float, centres[r.name]))) for r in self.rollers]
         with suppress(NotTouchedError, NoTangentError):
             now = replace(thread, rollers=moved[: len(thread.rollers)], given=thread.length)
-            runs = lengths_of_runs(*pressed(thread, self.others, moved))
+            runs = lengths_of_runs(*threaded_around(thread, self.others, moved))
             longer = runs - lengths_of_runs(thread)
             if loads is not None:
                 longer += taken_up(now, loads, runs)

@@ -551,7 +551,7 @@ def fine_beside(layer: float, size: float) -> float:
     return float(np.clip(FINE_LAYERS * layer, 2.0 * size, 16.0 * size))
 
 
-class Other(NamedTuple):
+class LooseRoller(NamedTuple):
     """A roller without a wrap that stages press into a run of threaded strip."""
 
     roller: Roller
@@ -562,7 +562,7 @@ class Other(NamedTuple):
 
 def pressed_rollers(
     scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None
-) -> list[Other]:
+) -> list[LooseRoller]:
     """Return rollers without a wrap that moves press into fed strip, in any stage; nips do not."""
     if thread is None or not open_stages(scene):
         return []
@@ -570,23 +570,23 @@ def pressed_rollers(
     loose = moved - set(thread.arcs)
     if not loose or not (loose := loose - nipping_rollers(scene, rollers, thread)):
         return []
-    found, arcs = list[Other](), list(thread.arcs.values())
+    found, arcs = list[LooseRoller](), list(thread.arcs.values())
     for roller in rollers:
         if roller.name in loose and abs(roller.unit_axis[1]) > 0.1:
             label, sense = thread.passing(axis_crossing(roller))
             if not any(first <= label <= last for first, last in arcs):
                 run = sum(last < label for _, last in arcs)
-                found.append(Other(roller, run, label, sense))
+                found.append(LooseRoller(roller, run, label, sense))
     reached = set[str]()
     for places in rollers_in_stages(scene, [*thread.rollers, *(other.roller for other in found)]):
         with suppress(NotTouchedError, NoTangentError):
-            wide, _ = pressed(thread, found, places)
+            wide, _ = threaded_around(thread, found, places)
             reached |= {roller.name for roller in wide.rollers}
     return [other for other in found if other.roller.name in reached]
 
 
-def pressed(
-    thread: Thread, others: Sequence[Other], places: Sequence[Roller] | None = None
+def threaded_around(
+    thread: Thread, others: Sequence[LooseRoller], places: Sequence[Roller] | None = None
 ) -> tuple[Thread, NDArray[np.bool_]]:
     """Return the way round the thread's rollers and those of others that are pressed into it.
 
@@ -595,7 +595,7 @@ def pressed(
     Parameters
     ----------
     thread : Thread
-    others : sequence of Other
+    others : sequence of LooseRoller
     places : sequence of Roller, optional
         The thread's rollers and the others where they have come to.
 
@@ -630,7 +630,7 @@ def pressed(
 
 
 def arcs_in_stages(
-    scene: SceneSpec, thread: Thread, others: Sequence[Other]
+    scene: SceneSpec, thread: Thread, others: Sequence[LooseRoller]
 ) -> list[dict[str, tuple[float, float]]]:
     """Arcs of a threaded strip at the beginning and, where rollers move or weight acts, later on.
 
@@ -644,7 +644,7 @@ def arcs_in_stages(
             if rollers is not None:
                 own, here = rollers[: len(thread.rollers)], rollers
                 taut = replace(thread, rollers=own, given=thread.length)
-            wide = pressed(thread, others, here)[0] if others else taut
+            wide = threaded_around(thread, others, here)[0] if others else taut
             now = {name: arc for name, arc in wide.arcs.items() if name in thread.arcs}
             if along:
                 for name, (first, last) in now.items():
@@ -803,7 +803,7 @@ HEAT_PLACES = 1000
 """Places along the way at which it is summed up by how much heat lengthens the strip."""
 
 
-def follows(scene: SceneSpec, thread: Thread, others: Sequence[Other]) -> bool:
+def follows(scene: SceneSpec, thread: Thread, others: Sequence[LooseRoller]) -> bool:
     """Return whether labels of a fed strip follow their rollers or stay on them.
 
     They follow rollers that move, also as others are pressed into the strip, and stay where weight,

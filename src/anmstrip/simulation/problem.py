@@ -460,11 +460,7 @@ class Assembly:
     @cached_property
     def usual_rate(self) -> float:
         """Rate (1/s) at which strip that can yield flows, of a scene that gives none."""
-        turns = dict[str, float]()
-        if self.thread is not None:
-            found = self.thread.middle.arcs.turn[:, 0].tolist()
-            turns = dict(zip((r.name for r in self.thread.rollers), found, strict=True))
-        return flow_rate(self.scene, turns)
+        return flow_rate(self.scene, {} if self.thread is None else self.thread.turns)
 
     @cached_property
     def flow(self) -> FlowLaw | None:

@@ -181,13 +181,8 @@ class Thread:
 
     def passing(self, centre: Array) -> tuple[float, float]:
         """Reference x at which the strip passes a point (x, z), and its sense round it."""
-        s = np.linspace(0.0, float(self.middle.length[0]), STRIP_SAMPLES)
-        position, heading = self.middle.at(s, 0)
-        way = centre[:, None] - position
-        i = int((way**2).sum(axis=0).argmin())
-        right = heading[1, i] * way[0, i] - heading[0, i] * way[1, i]
-        label = float(self.stretches.label(s[i]))
-        return label - self.length / 2.0, 1.0 if right >= 0.0 else -1.0
+        s, sense = self.middle.passing(centre, STRIP_SAMPLES)
+        return float(self.stretches.label(s)) - self.length / 2.0, sense
 
     def stretch(self, x: float) -> float:
         """Stretch along at a reference x (m)."""
