@@ -642,6 +642,14 @@ def flown_across(layers, rate):
         ({"material": {"young_at": [[0.0, 1.0], [9.0, 0.9]]}}, "strip.temperature"),
         ({"material": {"young_at": [[0.0, 0.9], [9.0, 0.8]]}}, "one of them [0.0, 1.0]"),
         (
+            {"material": {"young_at": [[0.0, 1.0], [9.0, 0.9]]}, "strip": {"temperature": 12.0}},
+            "young_at = [[0.0, 1.0], [9.0, 0.9], [12.0, 0.9]]",
+        ),
+        (
+            {"material": {"young_at": [[0.0, 1.0], [9.0, 0.9]]}, "strip": {"temperature": -5.0}},
+            "young_at = [[-5.0, 1.0], [0.0, 1.0], [9.0, 0.9]]",
+        ),
+        (
             {"material": {"plasticity": None, "yield_stress_at": [[0.0, 1.0], [9.0, 0.9]]}},
             "no yield_stress_at",
         ),

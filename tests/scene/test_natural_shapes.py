@@ -65,7 +65,7 @@ def test_heat_between_held_ends_compresses(claim: Claim) -> None:
 
 def softer(scene: Scene, **changed: float) -> Scene:
     """The same of a material that has lost a tenth of E at 50 K, and is otherwise changed."""
-    own = {"young_at": ((0.0, 1.0), (100.0, 0.8)), **changed}
+    own = {"young_at": ((0.0, 1.0), (100.0, 0.8), (400.0, 0.8)), **changed}
     material = {**scene.model_dump(exclude_unset=True)["material"], **own}
     return Scene.model_validate({**scene.model_dump(exclude_unset=True), "material": material})
 

@@ -260,13 +260,17 @@ def held_components(edges: Edges, stages: Stages) -> Iterator[Mistake]:
             yield Mistake("", f"{place}.tension", control.tension, expected, release)
 
 
-def released_for_good(stages: Stages) -> Iterator[Mistake]:
-    """Yield edges that a stage is to hold again which an earlier one has let go."""
+def released_for_good(edges: Edges, stages: Stages) -> Iterator[Mistake]:
+    """Yield edges let go that nothing held, and those to be held again once they were let go."""
     by = dict[str, str]()
     for stage in stages:
         for name, control in stage.edges.items():
             if control.release:
                 by.setdefault(name, stage.name)
+                if name not in edges or not edges[name].fixed:
+                    expected = "nothing: this edge is not held, so there is nothing to let go"
+                    hint = f'nothing; take it out, or [edges.{name}]\nfixed = ["x", "z"]'
+                    yield Mistake("", f"stages.{stage.name}.{name}.release", True, expected, hint)
             elif name in by and "release" in control.model_fields_set:
                 expected = f"nothing: stage {by[name]} lets this edge go for good"
                 hint = f"nothing; take it out here, or {name}.release out of stage {by[name]}"
@@ -305,15 +309,33 @@ def speeds_at_ends(strip: StripSpec, edges: Edges, stages: Stages) -> Iterator[M
         yield Mistake("", f"{key}.speed", control.speed, expected, hint)
 
 
+def tables_of_temperature(
+    strip: StripSpec, material: MaterialSpec, stages: Stages
+) -> Iterator[Mistake]:
+    """Yield tables over the temperature of strip that has none, or another than they tell of."""
+    given = [s.temperature for s in (strip, *(stage.strip for stage in stages)) if s.temperature]
+    samples = np.concatenate([[0.0], *(np.ravel(field.samples) for field in given)])
+    coldest, warmest = float(samples.min()), float(samples.max())
+    for key in ("young_at", "yield_stress_at"):
+        if not (pairs := getattr(material, key)):
+            continue
+        wider = [list(pair) for pair in pairs]
+        if not given:
+            expected = "no table without a temperature: strip.temperature, or that of a stage"
+            yield Mistake("", f"material.{key}", pairs, expected, "strip.temperature = 80.0")
+        elif coldest < pairs[0][0]:
+            wider.insert(0, [coldest, pairs[0][1]])
+        elif warmest > pairs[-1][0]:
+            wider.append([warmest, pairs[-1][1]])
+        if len(wider) > len(pairs):
+            expected = f"pairs from the coldest strip to the warmest, {coldest:g} to {warmest:g} K"
+            yield Mistake("", f"material.{key}", pairs, expected, f"{key} = {wider}")
+
+
 def natural_shapes(strip: StripSpec, material: MaterialSpec, stages: Stages) -> Iterator[Mistake]:
     """Yield eigenstrain and eigencurvature that a strip cannot have, or not as much."""
     shapes = [("strip", strip), *((f"stages.{s.name}.strip", s.strip) for s in stages)]
     value: object
-    if not any(shape.temperature for _, shape in shapes):
-        for key in ("young_at", "yield_stress_at"):
-            if value := getattr(material, key):
-                expected = "no table without a temperature: strip.temperature, or that of a stage"
-                yield Mistake("", f"material.{key}", value, expected, "strip.temperature = 80.0")
     each = ((place, shape, *item) for place, shape in shapes for item in shape.natural.items())
     for place, shape, key, given in each:
         where, curved, value = f"{place}.{key}", key in ("coil_set", "crossbow"), given
@@ -705,12 +727,12 @@ def times_of_the_run(threading: Threading, stages: Stages, output: OutputSpec) -
 
 RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
     unique_rollers, unique_stages, known_edges, known_rollers, controls_of_drives, flat_plates,
-    rollers_of_a_section, known_directions, tensions_and_moments, held_components, speeds_at_ends,
-    released_for_good, pulled_once, natural_shapes,
-    ends_of_a_fed_strip, gravity_has_density, known_laws_are_sharpened, refined_mesh_is_estimated,
-    rollers_have_friction, stages_have_friction, closed_strip, steady_stages, yielding_strip,
-    threading_partners, one_length, held_entry, own_name, threading_ends, borne_tension,
-    wrapped_axes, separate_rollers, times_of_the_run,
+    rollers_of_a_section, known_directions, tensions_and_moments, held_components,
+    speeds_at_ends, released_for_good, pulled_once, tables_of_temperature, natural_shapes,
+    ends_of_a_fed_strip, gravity_has_density, known_laws_are_sharpened,
+    refined_mesh_is_estimated, rollers_have_friction, stages_have_friction, closed_strip,
+    steady_stages, yielding_strip, threading_partners, one_length, held_entry, own_name,
+    threading_ends, borne_tension, wrapped_axes, separate_rollers, times_of_the_run,
 )  # fmt: skip
 """Rules between the tables of a scene; their parameters are the names of the tables they need.
 
