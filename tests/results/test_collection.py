@@ -58,9 +58,18 @@ def test_a_resumed_run_forgets_what_came_after_its_checkpoint(run):
 
 
 def test_a_run_killed_before_its_first_state_can_be_resumed(tmp_path):
-    contents = Collection(tmp_path / "strip.pvd", until_time=0.5)
+    contents = Collection(tmp_path / "strip.pvd", until_time=-1.0)
     assert (contents.count, contents.last) == (0, None)
     assert read_collection(tmp_path / "strip.pvd") == ()
+
+
+@pytest.mark.parametrize("gone", ["strip.pvd", "strip_1.vtu"])
+def test_files_that_are_gone_are_named(run, gone):
+    (run / gone).unlink()
+    with pytest.raises(InputError) as caught:
+        Collection(run / "strip.pvd", until_time=0.5)
+    assert f"{gone}\n" in str(caught.value)
+    assert "no such file" in str(caught.value)
 
 
 @pytest.mark.parametrize("content", ["", "<VTKFile>", '<V><DataSet file="a"/></V>'])

@@ -119,8 +119,9 @@ class Recorder:
         if not resumed:
             for stale in (*directory.glob("*.pvd"), *map(directory.joinpath, STALE_FILES)):
                 stale.unlink(missing_ok=True)
-        until, contents = kept["written"] if resumed else None, ("strip.pvd", "rollers.pvd")
-        self.strip, self.rollers = (Collection(directory / name, until) for name in contents)
+        until = kept["written"] if resumed else None
+        self.strip = Collection(directory / "strip.pvd", until)
+        self.rollers = Collection(directory / "rollers.pvd", until if assembly.rollers else None)
         tables = {"history.csv": columns, "profile.csv": PROFILE_COLUMNS}
         tables["errors.csv"] = ERROR_COLUMNS
         if assembly.flow is not None:

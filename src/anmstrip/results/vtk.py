@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from anmstrip.errors import InputError, Mistake
 from anmstrip.mechanics.roller import Roller
-from anmstrip.results.files import AnyPath, atomic_write, named_errors
+from anmstrip.results.files import START_AFRESH, AnyPath, atomic_write, named_errors
 
 Points = NDArray[np.float64]
 Cells = NDArray[np.int64]
@@ -405,6 +405,7 @@ class Collection:
         what was there.
     until_time : float, optional
         Go on with an existing file from this time on; what came later is dropped from it.
+        Negative for a run that has not written anything yet.
 
     Attributes
     ----------
@@ -416,7 +417,7 @@ class Collection:
     Raises
     ------
     InputError
-        The file is there but damaged.
+        The file is damaged or not there, or a state that it lists is not.
     """
 
     def __init__(self, path: AnyPath, until_time: float | None = None) -> None:
@@ -424,6 +425,12 @@ class Collection:
         self._end: int | None = None
         if until_time is not None:
             kept = [entry for entry in read_collection(path) if entry.time <= until_time]
+            files = [self.path.with_name(entry.file) for entry in kept]
+            if until_time >= 0.0:
+                files.insert(0, self.path)
+            if missing := [file for file in files if not file.exists()]:
+                expected = "the files of the run that is to go on"
+                raise InputError([Mistake(str(missing[0]), "", "no such file", expected, START_AFRESH)])
             self._write(kept)
         self.count, self.last = len(kept), kept[-1].time if kept else None
 
@@ -485,5 +492,5 @@ def read_collection(path: AnyPath) -> tuple[Entry, ...]:
     except FileNotFoundError:
         return ()
     except (ElementTree.ParseError, KeyError, ValueError) as error:
-        expected, hint = "the list of states that a run wrote", "the same command without --resume"
-        raise InputError([Mistake(str(path), "", str(error), expected, hint)]) from error
+        expected = "the list of states that a run wrote"
+        raise InputError([Mistake(str(path), "", str(error), expected, START_AFRESH)]) from error
