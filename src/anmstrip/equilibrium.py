@@ -188,9 +188,9 @@ class Model:
                 forces = effect.change(full, change, controls)
                 weights = effect.operator.weights
                 mean = np.einsum("abp,abp,p->", forces, forces, weights) / weights.sum()
-                error = max(error, float(np.sqrt(mean)) / self.scales.tension)
+                error = max(error, float(np.sqrt(mean)) / self.scales.membrane)
             elif moments and isinstance(effect, Plasticity):
-                error = max(error, effect.stress_error(full, change, self.scales.tension))
+                error = max(error, effect.stress_error(full, change, self.scales.membrane))
         return error
 
 

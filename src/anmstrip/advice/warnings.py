@@ -20,6 +20,7 @@ from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import KINEMATICS, Kinematics
 from anmstrip.fem.sampling import quadrature_points
 from anmstrip.mechanics.roller import Roller
+from anmstrip.results.plastic import MeanFlow
 from anmstrip.results.rollers import RUNNING_SLIP, ContactState
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import COLUMN_FACTORS
@@ -328,20 +329,14 @@ FLOW_ERROR = 0.03
 """Share of the yield stress by which strip may flow at another, of a scene without its rate."""
 
 
-def guessed_rate(state: State, scene: SceneSpec) -> Iterator[str]:
-    """Yield a rate to type where strip flows at another than was guessed for it.
-
-    Not where nothing moves any more: there its stress relaxes.
-    """
-    from anmstrip.results.plastic import YieldedStrip
-
-    spec, strip = scene.material.plasticity, YieldedStrip.of(state)
-    if spec is None or spec.reference_rate is not None or strip is None or state.plan.still:
+def guessed_rate(scene: SceneSpec, guess: float, flow: MeanFlow) -> Iterator[str]:
+    """Yield a rate to type where strip flows at another than was guessed for it (1/s)."""
+    spec, level = scene.material.plasticity, flow.level
+    if spec is None or spec.reference_rate is not None or level is None:
         return
-    level = strip.flow_level
-    if level is not None and abs(level - 1.0) > FLOW_ERROR:
-        guess = strip.flow.rate * ((fastest(scene) or 1.0) if state.plan.steady else 1.0)
-        rate = guess * level**strip.flow.exponent
+    if abs(level - 1.0) > FLOW_ERROR:
+        guess *= (fastest(scene) or 1.0) if flow.steady else 1.0
+        rate = guess * level**spec.exponent
         yield (
             f"the strip flows at {level:.3g} times its yield stress: at about {rate:.2g} 1/s, "
             f"where {guess:.2g} 1/s were guessed. "
@@ -773,7 +768,6 @@ RULES_AT_END = (
     overstretched,
     buckled_section,
     unresolved_waves,
-    guessed_rate,
 )
 
 

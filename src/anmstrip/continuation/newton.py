@@ -274,12 +274,12 @@ class NewtonPath:
         cost: Cost | None = None,
     ) -> Iterator[PathStep]:
         """Yield converged states, as straight branches from one to the next."""
-        cost, steps = Cost() if cost is None else cost, self.steps
+        cost = Cost() if cost is None else cost
+        steps = replace(self.steps, least=1)  # errors in time are told by the factors
         if not self.own:
             steps = replace(steps, tolerance=settings.tolerance)
         control = start if pace is None else pace.control
         if (guess := equations.unaccelerated()) is not None:
-            steps = replace(steps, least=1)  # its error in time is told by the factors
             found = self.iteration(equations, solver, steps, cost).corrected(guess, target)
             if found is None:
                 raise PathStopped(Outcome.STALLED, control, "Newton's method does not converge")

@@ -127,7 +127,7 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
     scales = assembly.scales
     yield (
         f"Errors are relative to {scales.length:g} m (positions), {scales.force:g} N (imbalance) "
-        f"and {scales.tension:g} N/m (membrane forces); tolerance {scene.solver.tolerance:g}, "
+        f"and {scales.membrane:g} N/m (membrane forces); tolerance {scene.solver.tolerance:g}, "
         f"order {assembly.order}{', the cheapest' if scene.solver.order is None else ''}."
     )
     yield from unusual(scene)
@@ -455,6 +455,8 @@ def report(run: Run, told: Collection[str] = ()) -> str:
         if state.rollers:
             parts.append(roller_table(state))
         parts += bend_table(state)
+        if (level := run.flow.level) is not None:
+            parts.append(f"By its rate, the strip flows at {level:.3f} times its yield stress.")
         ends = (f"{state.tension(name):.6g} N/m at the {name}" for name in ENDS)
         parts.append(f"Tension {' and '.join(ends)}.")
         latent, manifest = (run.flatness.get(f"{k}_flatness") for k in ("latent", "manifest"))
@@ -526,8 +528,6 @@ def bend_table(state: State) -> list[str | Table]:
     if layers is None:
         return []
     bends = layers.rollers()
-    if (level := layers.flow_level) is not None and not state.plan.still:
-        parts = [f"By its rate, the strip flows at {level:.3f} times its yield stress."]
     if not bends:
         x, _ = layers.stations
         left = layers.mean(layers.residual_curvature[0])

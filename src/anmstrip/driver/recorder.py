@@ -235,7 +235,6 @@ class Recorder:
                     write_table(path, plastic.LAYER_COLUMNS, layers.rows())
                 for name, bend in layers.rollers().items():
                     rollers[name]["bend"] = asdict(bend)
-                facts = {**facts, "flow_level": layers.flow_level}
         written = {"rollers": rollers, "edges": edges, "input": self.assembly.scene.to_dict()}
         if state is not None and state.strip_speed is not None:
             facts = {**facts, "strip_speed": state.strip_speed}

@@ -19,6 +19,7 @@ from anmstrip.advice.warnings import (
     RULES_AT_END,
     beside_rollers,
     coarse_mesh,
+    guessed_rate,
     propose_one_mesh,
     proposed_keys,
     warnings,
@@ -33,6 +34,7 @@ from anmstrip.errors import Named
 from anmstrip.fem.geometry import SHELL
 from anmstrip.linalg.direct import SingularTangentError
 from anmstrip.results.files import ERROR_WORDS, read_history
+from anmstrip.results.plastic import MeanFlow
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import Onset, WrinkleWatch, Wrinkling
 from anmstrip.scene.schema import SceneSpec, StageSpec
@@ -87,6 +89,7 @@ CHECKPOINT_ATTRIBUTES = {
     **{name: f"cost.{name}" for name in ("expansions", "factorisations")},
     **{"stage": "first_stage", "seconds": "spent", "looked": "budget.time"},
     "course_time": "march.course.time",
+    **{name: f"flow.{name}" for name in ("work", "weighted", "steady")},
 }
 """Facts of a checkpoint, and the attributes of a run that they are."""
 
@@ -244,6 +247,7 @@ class Run:
         self.stages: dict[str, dict[str, Any]] = {}
         self.snaps: list[dict[str, Any]] = []
         self.wrinkles: list[dict[str, Any]] = []
+        self.flow = MeanFlow()
         self.state: State | None = None
         self.outcome, self.message = Outcome.NOT_ENDED, "The run has not ended."
         self.warnings: list[str] = []
@@ -407,6 +411,7 @@ class Run:
             distance = float(np.abs(moved).max())
             if distance > self.march.tolerances.tolerance * self.assembly.scales.length:
                 self.snaps.append({"stage": plan.name, "time": state.time, "distance": distance})
+        self.flow.add(state, state.time - before.time)
         self.state = state
         self.march.accept(step)
         self.steps += 1
@@ -499,6 +504,8 @@ class Run:
             settled += beyond_capacity(Preview.of(self.assembly))
         useless = self.budget.useless(tension_readings(state).values())
         seen = [words for rule in RULES_AT_END for words in rule(state, self.scene)]
+        if (law := self.assembly.flow) is not None:
+            seen += guessed_rate(self.scene, law.rate, self.flow)
         known = {key for words in seen for key in proposed_keys(words)}
         told = [words for words in self.forewarnings() if words not in settled]
         told = [words for words in told if known.isdisjoint(proposed_keys(words))]
@@ -630,6 +637,7 @@ class Run:
             "snaps": self.snaps,
             "wrinkles": self.wrinkles,
             **({"feed": fed} if self.scene.strip.feed else {}),
+            **({} if self.assembly.flow is None else {"flow_level": self.flow.level}),
         }
 
     def words_of_success(self) -> str:

@@ -365,7 +365,13 @@ class Scales:
 
     length: float  # m, for positions
     force: float  # N, for imbalances
-    tension: float  # N/m, for membrane forces
+    tension: float  # N/m, of what pulls or bends the strip
+    yielding: float = 0.0  # N/m, that of bending at which strip begins to flow, if nothing pulls
+
+    @property
+    def membrane(self) -> float:
+        """Unit of errors of membrane forces (N/m)."""
+        return max(self.tension, self.yielding)
 
 
 @dataclass(frozen=True)

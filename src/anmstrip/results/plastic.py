@@ -162,18 +162,20 @@ class YieldedStrip:
         return np.asarray(found * speed)
 
     @cached_property
-    def flow_level(self) -> float | None:
-        """Share of its yield stress at which the strip flows, the mean by power; None at rest.
+    def flowing(self) -> tuple[float, float]:
+        """Power of the flow (W), and the share of its yield stress at which the strip flows.
 
-        At the rate ε_p' a fibre flows at (ε_p'/ε₀)^(1/n) of it.
+        The share is the mean by power: at the rate ε_p' a fibre flows at (ε_p'/ε₀)^(1/n) of it.
+        Both are 0 where less than a layer flows.
         """
         if not self.effect.operator.flows or not self.plastic_share.any():
-            return None
+            return 0.0, 0.0
         share = self.effect.share(self.state.controls)
         rates = self.flow.rates(self.stress, self.internal, share)[: len(self.stress)]
         level = self.level(self.flow.driving(self.stress, self.internal) * share)
         weights = np.multiply.outer(self.effect.layers.weights, self.strip.weights().ravel())
-        return float(np.average(level, weights=weights * (self.stress * rates).sum(axis=0)))
+        power = weights * (self.stress * rates).sum(axis=0)
+        return float(power.sum()), float(np.average(level, weights=power))
 
     @cached_property
     def stations(self) -> tuple[Array, Index]:
@@ -262,3 +264,32 @@ class YieldedStrip:
                 yield_power=float(powers[here].sum()),
             )
         return found
+
+
+@dataclass
+class MeanFlow:
+    """Share of its yield stress at which strip flows: that of a steady state, or of stages in time.
+
+    Of these it is the mean by power from the last steady state on.
+    """
+
+    work: float = 0.0  # J, or W in a steady state
+    weighted: float = 0.0  # that by the share
+    steady: bool = False
+
+    @property
+    def level(self) -> float | None:
+        """The share (1); None where nothing has flowed."""
+        return self.weighted / self.work if self.work > 0.0 else None
+
+    def add(self, state: StripState, duration: float) -> None:
+        """Add the state at the end of a step that took such a time (s)."""
+        if (strip := YieldedStrip.of(state)) is None:
+            return
+        (power, level), steady = strip.flowing, state.plan.steady
+        if steady or (self.steady and power):
+            self.work = self.weighted = 0.0
+            self.steady = steady
+        work = power * (1.0 if steady else duration)
+        self.work += work
+        self.weighted += work * level

@@ -386,10 +386,10 @@ def flow_rate(scene: SceneSpec, turns: Mapping[str, float]) -> float:
     or a third of the shortest span if that is less, and κ the geometric mean of θ/2ℓ, that of strip
     that stays elastic, and of 1/r, or 1/r if that is less.
     Between driven rollers a draw flows at the difference of their speeds over their distance, if no
-    bend between them takes it.  The rate is the mean of these, by what each leaves of plastic
-    strain.  Without any it is some strains of first yield, over the time in which the shortest
-    span passes, or over stages that change something; of flat strip with an end that travels the
-    speed of this over its length.
+    bend between them takes it, and flat strip at the speed of an end that is moved over its length.
+    The rate is the mean of these, by what each leaves of plastic strain.  Without any it is some
+    strains of first yield, over the time in which the shortest span passes, or over stages that
+    load the strip more; of flat strip with an end that travels the speed of this over its length.
 
     Parameters
     ----------
@@ -414,6 +414,8 @@ def flow_rate(scene: SceneSpec, turns: Mapping[str, float]) -> float:
         for drawn, length, between in draws_between_rollers(scene)
         if drawn > first * speed and found.keys().isdisjoint(between)
     ]
+    stretches = [(rate, strain - first) for rate, strain in stretches_by_ends(scene)]
+    draws += [(rate, plastic) for rate, plastic in stretches if plastic > 0.0]
     if flows := [*found.values(), *draws]:
         rates, strains = np.transpose(flows)
         return float(np.exp(np.average(np.log(rates), weights=strains)))
@@ -422,16 +424,37 @@ def flow_rate(scene: SceneSpec, turns: Mapping[str, float]) -> float:
     strain = YIELDED_STRAIN * first
     if speed:
         return strain * speed / shortest_span(scene)
-    times = [stage.duration for stage in scene.stages if changes_strip(stage)]
-    times = times or [stage.duration for stage in scene.stages]
+    times = loading_times(scene) or [stage.duration for stage in scene.stages]
     return strain / float(np.exp(np.mean(np.log(times))))
 
 
-def changes_strip(stage: StageSpec) -> bool:
-    """Return whether a stage moves, pulls or heats strip, or lets it unbend."""
-    given = [edge.force or edge.moment for edge in stage.edges.values()]
-    pulled = any(edge.tension is not None for edge in stage.edges.values())
-    return any(move_lengths(stage)) or pulled or any(given) or bool(stage.strip.natural)
+def stretches_by_ends(scene: SceneSpec) -> Iterator[tuple[float, float]]:
+    """Yield rates (1/s) and strains by which moves of its ends stretch flat strip in a stage."""
+    length, moved = scene.strip.length, dict.fromkeys(ENDS, 0.0)
+    for stage in scene.stages if length and scene.threading is None else ():
+        before = moved["exit"] - moved["entry"]
+        moved |= {n: edge.move[0] for n, edge in stage.edges.items() if n in ENDS and edge.move}
+        strain = abs(moved["exit"] - moved["entry"] - before) / length
+        yield strain / stage.duration, strain
+
+
+def loading_times(scene: SceneSpec) -> list[float]:
+    """Return the durations (s) of stages that move, pull, bend or heat strip more than before."""
+    before, times = dict[str, float](), list[float]()
+    for stage in scene.stages:
+        given = {
+            f"{name}.{key}": float(np.linalg.norm(value))
+            for name, control in (*stage.rollers.items(), *stage.edges.items())
+            for key in ("move", "force", "moment", "tension")
+            if (value := getattr(control, key, None)) is not None
+        }
+        for key, shape in stage.strip.natural.items():
+            values = shape.samples if isinstance(shape, FieldSpec) else shape
+            given[key] = float(np.abs(values).max())
+        if any(size > before.get(name, 0.0) for name, size in given.items()):
+            times.append(stage.duration)
+        before |= given
+    return times
 
 
 def draws_between_rollers(scene: SceneSpec) -> Iterator[tuple[float, float, list[str]]]:
