@@ -54,8 +54,7 @@ def speed(*stages: dict[str, Any], **tables: dict[str, Any]) -> float:
     return law.speed
 
 
-def test_contact_is_implied_by_friction_and_by_threading() -> None:
-    """Rollers alone are only drawn."""
+def test_contact_is_implied_by_rollers() -> None:
     bare = {key: value for key, value in LINE.items() if key != "contact"}
     assert Scene.model_validate(bare).contact == Scene.model_validate(LINE).contact
     assert Scene.from_tables(bare, "s", ["contact.onset=1e-5"]).contact.onset == 1e-5
@@ -64,7 +63,8 @@ def test_contact_is_implied_by_friction_and_by_threading() -> None:
     for name in ("friction", "threading"):
         del flat[name]
     flat["stages"] = [{"duration": 1.0, "exit": {"force": [1e4, 0.0, 0.0]}}]
-    assert Scene.model_validate(flat).contact is None
+    assert Scene.model_validate(flat).contact == Scene.model_validate(LINE).contact
+    assert Scene.model_validate({**flat, "rollers": []}).contact is None
 
 
 def test_strip_is_threaded_against_its_entry() -> None:

@@ -553,6 +553,8 @@ def coarse_mesh(preview: Preview) -> Iterator[str]:
     scene, strip = preview.assembly.scene, preview.assembly.strip
     layer = boundary_layer(scene)
     coarse: dict[str, list[str]] = {}
+    if scene.contact is None:
+        return
     if scene.strip.cells is None and scene.strip.mesh is None:
         wanted = shortest_wanted(scene, preview.assembly.rollers, preview.assembly.thread)
         finest = float(strip.cell_sizes[0].min())
@@ -566,7 +568,7 @@ def coarse_mesh(preview: Preview) -> Iterator[str]:
                 f"of {wanted:.2g} m, {why}. {shorter}"
             )
         return
-    for roller in preview.assembly.rollers if scene.contact and scene.strip.bending else ():
+    for roller in preview.assembly.rollers if scene.strip.bending else ():
         if (h := element_over(preview.assembly, roller)) > 1.01 * LAYER_SHARE * layer:
             coarse.setdefault(f"{h:.3g} m", []).append(roller.name)
     for size, names in coarse.items():

@@ -283,7 +283,7 @@ class Budget:
                 self.parts |= zip(names, in_time, strict=True)
         if any(len(passage.names) > 1 for passage in state.passages):
             self.parts["regularisation"] = None  # a nip presses as its law makes of its gap
-        if self.halved is not None:
+        if self.halved is not None and (stage.steady or self.assembly.flow is None):
             told = "estimating the errors by the mesh, on elements of half the length, %d unknowns"
             logging.getLogger(__name__).info(told, self.halved.unknowns)
             try:

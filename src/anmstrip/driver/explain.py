@@ -256,7 +256,7 @@ def left_out(preview: Preview) -> list[str]:
     acting = {
         "membrane (a plate has the tension that exit.force gives it).": "membrane" in names,
         "bending (strip.bending = false): no boundary layer, any curvature is free.": bends,
-        "contact (no table [contact]): the rollers are only drawn.": scene.contact,
+        "contact (no rollers).": scene.contact,
         "friction (no table [friction]): nothing depends on velocity.": scene.friction,
         "friction (switched off in every stage): nothing depends on velocity.": not still,
         "weight (no stage has gravity).": "weight" in names,

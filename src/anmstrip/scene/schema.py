@@ -391,7 +391,7 @@ def of_python(value: Any) -> Any:
 def with_implied_tables(scene: Mapping[str, Any]) -> dict[str, Any]:
     """Return the tables of a scene with all that they imply.
 
-    Names for all rollers and stages; contact, where there is friction or threading; the entry held,
+    Names for all rollers and stages; contact, where there are rollers or friction; the entry held,
     against which strip is threaded; and a duration of stages of which nothing depends on time.
 
     Examples
@@ -400,7 +400,7 @@ def with_implied_tables(scene: Mapping[str, Any]) -> dict[str, Any]:
     {'rollers': [{'name': 'r1', 'radius': 1.0}, {'name': 'big'}, {'name': 'r3'}]}
     """
     named = dict(scene)
-    if scene.get("contact") is None and {"friction", "threading"} & scene.keys():
+    if scene.get("contact") is None and (scene.get("rollers") or "friction" in scene):
         named["contact"] = {}
     threading, edges = scene.get("threading"), scene.get("edges", {})
     if isinstance(threading, Mapping) and not threading.get("closed"):

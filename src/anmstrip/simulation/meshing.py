@@ -28,6 +28,7 @@ from anmstrip.simulation.defaults import (
     follows_rollers,
     largest_force,
     open_stages,
+    stage_speeds,
     thermal_growth,
 )
 from anmstrip.simulation.threading import Thread
@@ -212,9 +213,8 @@ class Lines:
         """
         scene, coarse = self.scene, 2.0 * self.half / MIN_ELEMENTS
         per_line = unknowns_per_line(scene, round(cells_across(scene) / mesh_density(scene)))
-        most = most_unknowns(len(self.rollers)) // per_line - 1
-        zones = self.default_zones()
-        marks = sorted([*self.lifts, *self.corners])
+        zones, marks = self.default_zones(), sorted([*self.lifts, *self.corners])
+        most = most_unknowns(len(self.rollers)) // per_line - 1 - len(marks)
         return graded_nodes(self.half, zones, coarse, marks, most, mesh_density(scene))
 
     def default_zones(self) -> list[Zone]:
@@ -861,8 +861,20 @@ def contact_stands(scene: SceneSpec) -> bool:
     moves = [c.move for stage in scene.stages for c in stage.edges.values()]
     if not follows_rollers(scene):
         moves += [c.move for stage in scene.stages for c in stage.rollers.values()]
-    steady = all(stage.steady or not stage.friction for stage in scene.stages)
-    return bool(steady or scene.strip.feed) and not any(moves)
+    return bool(scene.strip.feed or not passes_in_time(scene)) and not any(moves)
+
+
+def passes_in_time(scene: SceneSpec) -> bool:
+    """Whether strip runs over rollers in a stage in time; labels of a steady one stay."""
+    speeds = dict[str, float]()
+    for stage in scene.stages:
+        before = any(speeds.values())
+        speeds |= {"strip": stage.strip.speed or speeds.get("strip", 0.0)}
+        speeds |= dict(stage_speeds(scene, stage))
+        speeds |= {f"{n}.torque": c.torque for n, c in stage.rollers.items() if c.torque}
+        if stage.friction and not stage.steady and (before or any(speeds.values())):
+            return True
+    return False
 
 
 def graded_nodes(

@@ -48,8 +48,8 @@ from anmstrip.simulation.defaults import (
     distributed_load,
     eigenstrain,
     fastest,
-    flow_stress,
     flow_rate,
+    flow_stress,
     largest_force,
     line_speed,
     passing_speed,
@@ -451,11 +451,11 @@ class Assembly:
     def can_halve(self) -> bool:
         """Whether elements of half the length are few enough, of strip whose flow is known there.
 
-        Layers that flow are taken to the finer mesh of a section, and in stationary states, whose
+        Layers that flow are taken to the finer mesh of a section, and in a stationary state, whose
         past is all upstream; in time it would be that of every point.
         """
         few = int(2 ** self.strip.mesh.dim()) * self.coupled <= MAX_HALVED_UNKNOWNS
-        steady = self.kinematics is SECTION and all(s.steady for s in self.scene.stages)
+        steady = self.kinematics is SECTION and self.scene.stages[-1].steady
         return few and (self.flow is None or steady)
 
     @cached_property
