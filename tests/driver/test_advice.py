@@ -698,6 +698,7 @@ ELSEWHERE = {
     "buckled_section": "of what a last state shows",
     "overstretched": "of what a last state shows",
     "guessed_rate": "test_reported_plasticity.py",
+    "coarse_hinges": "test_reported_plasticity.py",
     "unresolved_waves": "test_wrinkle_onsets.py",
     "turned_axis": "test_forewarnings.py",
     "where_it_slides": "test_diagnosis.py",

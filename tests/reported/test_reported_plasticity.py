@@ -810,6 +810,41 @@ def test_strip_flows_at_about_its_yield_stress_where_no_rate_is_typed(tables):
     )
 
 
+HINGED = {
+    "strip": {"kinematics": "section", "width": 0.3, "thickness": 1e-4},
+    "material": {"young": 1.93e11, "poisson": 0.3, "yield_stress": 8e8, "plasticity": {}},
+    "friction": {"coefficient": 0.1},
+    "threading": {"tension": 8e3, "entry": [-0.06, 0.0, 0.0], "exit": [0.08, 0.0, 0.0]},
+    "rollers": [
+        {"name": f"r{k}", "radius": 0.004, "centre": [0.01 * k, 0.0, z], "wrap": wrap,
+         "drive": "speed" if k == 2 else "idle"}
+        for k, (z, wrap) in enumerate([(-0.004, "over"), (0.003, "under"), (-0.004, "over")])
+    ],
+    "stages": [{"name": "start", "steady": True, "strip": {"speed": 0.5}}],
+}  # fmt: skip
+
+
+def test_a_line_that_rests_first_has_the_mesh_of_its_stationary_state(tmp_path):
+    """And one that runs up to it is told to make its elements shorter than the hinges."""
+
+    def delivered(*before, **sets):
+        tables = {**HINGED, "stages": [*before, *HINGED["stages"]]}
+        tables["strip"] = {**HINGED["strip"], **sets}
+        run = done(Scene.from_tables(tables, "hinge.toml").run(tmp_path / "run"))
+        told = [words for words in run.warnings if "in hinges" in words]
+        return YieldedStrip.of(run.state).rollers()["r2"].curl, run.errors()["mesh"], told
+
+    alone, error, told = delivered()
+    curl, other, _ = delivered({"name": "rest", "duration": 1.0})
+    assert curl == pytest.approx(alone, rel=1e-3) and not told
+    assert other["tension"] == pytest.approx(error["tension"], rel=0.05)
+    running = {"name": "up", "duration": 0.02, "rollers": {"r2": {"surface_speed": 0.5}}}
+    coarse, other, (words,) = delivered(running)
+    assert other is not None
+    curl, _, told = delivered(running, refined=float(words.partition("refined=")[2].split()[0]))
+    assert abs(curl - alone) < 0.3 * abs(coarse - alone) and not told
+
+
 def test_strip_that_flows_at_another_rate_is_told_what_to_type(tmp_path):
     """Cooled by 600 K in a second between held ends it flows at α ΔT/τ, in tension."""
     held, exponent = {"fixed": ["x", "z"]}, 11

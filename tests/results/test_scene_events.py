@@ -16,6 +16,7 @@ import pytest
 
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
+from anmstrip.mechanics.laws import corner_speed
 from anmstrip.results import files as history
 from anmstrip.results.events import Event, without_flickers
 
@@ -257,3 +258,32 @@ def test_what_a_roller_is_again_at_the_end_of_a_long_step_is_not_told() -> None:
     assert without_flickers([whole[0], point, *whole[1:]]) == (point, whole[4])
     other = replace(whole[1], roller="a")
     assert without_flickers([*whole[:4], other]) == (other,)
+
+
+LOOPER = {
+    "strip": {"kinematics": "section", "width": 1.0, "thickness": 5e-4},
+    "material": {"young": 2e11, "poisson": 0.3},
+    "friction": {"coefficient": 0.3},
+    "threading": {"tension": 8e3, "entry": [-1.0, 0.0, 0.2], "exit": [1.6, 0.0, 0.2]},
+    "rollers": [
+        {"name": "in", "radius": 0.2, "centre": [0.0, 0.0, 0.0], "wrap": "over"},
+        {"name": "looper", "radius": 0.2, "centre": [0.6, 0.0, -1.0], "wrap": "under",
+         "drive": "idle"},
+    ],
+    "stages": [
+        {"name": "start", "duration": 0.5, "entry": {"release": True},
+         "rollers": {"in": {"surface_speed": 1.0}}},
+        {"name": "loop", "duration": 1.0, "rollers": {"looper": {"move": [0.0, 0.0, 0.1]}}},
+    ],
+    "output": {"events": True},
+}  # fmt: skip
+
+
+def test_nothing_slips_because_a_roller_begins_to_move() -> None:
+    """The velocity jumps there, and is not in between in the first step."""
+    run = Scene.from_tables(LOOPER, "looper.toml").run()
+    slips = [e for step in run if step.stage == "loop" for e in step.events if e.kind == "slip"]
+    assert run.outcome.done and not slips
+    looping = np.array(run.history["stage"]) == "loop"
+    corner = corner_speed(run.assembly.friction)
+    assert max(run.history[f"{name}_max_slip"][looping].max() for name in ("in", "looper")) < corner

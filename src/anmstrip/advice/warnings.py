@@ -38,6 +38,7 @@ from anmstrip.simulation.meshing import (
     LAYER_SHARE,
     MAX_ELEMENTS,
     contact_stands,
+    hinge_length,
     mesh_density,
     most_unknowns,
     refinement,
@@ -580,6 +581,22 @@ def coarse_mesh(preview: Preview) -> Iterator[str]:
         )
 
 
+def coarse_hinges(preview: Preview) -> Iterator[str]:
+    """Elements over rollers that are longer than a quarter of the hinges in which strip yields.
+
+    By default they are not where strip that runs in time brings all its labels onto the rollers.
+    """
+    scene, assembly = preview.assembly.scene, preview.assembly
+    wanted = LAYER_SHARE * hinge_length(scene, assembly.thread)
+    finest = float(assembly.strip.cell_sizes[0].min())
+    if finest > COARSE_RATIO * wanted:
+        yield (
+            f"strip yields on its rollers in hinges {wanted / LAYER_SHARE:.2g} m long, but the "
+            f"shortest elements have {finest:.2g} m: what is left of bends may be wrong by tens of "
+            f"per cent. Try {finer_mesh(scene, wanted)} or steady stages alone"
+        )
+
+
 def shorter_elements(assembly: Assembly, longest: float) -> str:
     """Return what to type for shorter elements by default (m), or what they would cost."""
     scene = assembly.scene
@@ -756,6 +773,7 @@ SERIOUS_RULES = (
 OTHER_RULES = (
     free_motions,
     coarse_mesh,
+    coarse_hinges,
     slipping_friction,
     rates_of_labels,
     needless_shell,

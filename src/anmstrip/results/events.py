@@ -25,6 +25,9 @@ from anmstrip.taylor.series import taylor_series
 MIN_EVENT_ORDER = 8
 """Least order of the series of gap and slip; those of a parabola end long before."""
 
+ROUND_OFF = 1e-9
+"""Share of a stage by which the time of its beginning may be off."""
+
 NEVER = 1e150
 """Speed (m/s) that stands for never."""
 
@@ -59,9 +62,20 @@ class Stretch:
             free = plan.supports.free
             u = np.pad(u, [(0, state.step.order - 1), (0, 0)])
             u[:, free] = state.step.series
-        v = state.velocity
-        start = v if before.velocity is None else before.velocity
+        v, start = state.velocity, before.velocity
+        if start is None or (begin < ROUND_OFF and moves_otherwise(before, plan)):
+            start = v
         return cls(u, np.stack([start, v - start]), control, 1.0)
+
+
+def moves_otherwise(before: State, plan: StageProblem) -> bool:
+    """Return whether a roller begins or ceases to move as a stage begins: velocities jump."""
+    at_rest = before.plan is plan  # the first stage
+
+    def changes(name: str) -> bool:
+        return bool(np.any(plan.rate(name) != (0.0 if at_rest else before.plan.rate(name))))
+
+    return any(changes(name) for name in plan.controls.start if name.endswith(".centre"))
 
 
 def gap_and_slip(

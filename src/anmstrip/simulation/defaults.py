@@ -431,7 +431,9 @@ def flow_rate(scene: SceneSpec, turns: Mapping[str, float]) -> float:
 def stretches_by_ends(scene: SceneSpec) -> Iterator[tuple[float, float]]:
     """Yield rates (1/s) and strains by which moves of its ends stretch flat strip in a stage."""
     length, moved = scene.strip.length, dict.fromkeys(ENDS, 0.0)
-    for stage in scene.stages if length and scene.threading is None else ():
+    if length is None or scene.threading is not None:
+        return
+    for stage in scene.stages:
         before = moved["exit"] - moved["entry"]
         moved |= {n: edge.move[0] for n, edge in stage.edges.items() if n in ENDS and edge.move}
         strain = abs(moved["exit"] - moved["entry"] - before) / length

@@ -452,22 +452,29 @@ def deepest_bearing(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread 
 
 
 def bending_layer(scene: SceneSpec, thread: Thread | None) -> float:
-    """Length (m) in which the strip bends onto its rollers: √(D/T), or less where it yields.
+    """Length (m) in which the strip bends onto its rollers: √(D/T), or less where it yields."""
+    layer = boundary_layer(scene)
+    if scene.strip.element_length is not None or not contact_stands(scene):
+        return layer
+    return min(layer, hinge_length(scene, thread))
+
+
+def hinge_length(scene: SceneSpec, thread: Thread | None) -> float:
+    """Return the length (m) of the shortest plastic hinge on a roller, infinite without any.
 
     The moment falls to zero over L, half the run to the next roller or √(3D/T) if that is less.
     Strip that turns by θ on a roller of radius r begins to yield where the smaller of 3θ/2L and
     1/r is κ_e, and then bends in a plastic hinge, much shorter than L.
     """
-    layer, yields = boundary_layer(scene), first_yield(scene)
-    typed = scene.strip.element_length is not None
-    shell = scene.strip.kinematics != "section"  # whose layers would be too many
-    if thread is None or yields is None or typed or shell or not contact_stands(scene):
-        return layer
+    yields, section = first_yield(scene), scene.strip.kinematics == "section"
+    if thread is None or yields is None or not section:  # of a shell there would be too many layers
+        return np.inf
     runs = np.diff(thread.middle.starts[:, 0])[::2]
-    falls = np.minimum(0.5 * np.minimum(runs[:-1], runs[1:]), np.sqrt(3.0) * layer)
+    falls = np.minimum(runs[:-1], runs[1:])
+    falls = np.minimum(0.5 * falls, np.sqrt(3.0) * boundary_layer(scene))
     sharpest = 1.0 / np.array([roller.radius for roller in thread.rollers])
     bends = np.minimum(1.5 * thread.middle.arcs.turn[:, 0] / falls, sharpest)
-    return float(np.min(HINGE_SHARE * falls, where=bends > yields, initial=layer))
+    return float(np.min(HINGE_SHARE * falls, where=bends > yields, initial=np.inf))
 
 
 @dataclass(frozen=True)
