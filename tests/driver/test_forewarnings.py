@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 from anmstrip.advice.physics import loose_fibres, slack_edge, uneven_fibres
 from anmstrip.advice.preview import Preview, free_motions
 from anmstrip.advice.warnings import against_section, element_over, serious, warnings
+from anmstrip.continuation.path import Outcome
 from anmstrip.driver.scene import Scene
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.fem.sampling import l2_projection, quadrature_points
@@ -356,6 +357,12 @@ WRONG: list[tuple[list[tuple[str, Any]], str, str]] = [
         "the strip comes off roller a in stage run", "(stages.run.rollers)",
     ),
     ([("friction.coefficient", 0.0)], "roller a turns, but nothing rubs", "coefficient=0.2"),
+    ([("rollers.0.friction", 0.0)], "roller a turns, but nothing rubs", "rollers.a.friction=0.2"),
+    (
+        [("rollers.1.friction", 0.0), ("rollers.1.drive", "torque"),
+         ("stages.1.rollers.b", {"torque": -100.0})],
+        "a torque turns roller b, but nothing rubs on it", "rollers.b.friction=0.2",
+    ),
     ([("friction", None)], "roller b turns, but nothing rubs on it", "coefficient=0.2"),
     (
         [("stages.1.entry.tension", 4e4)],
@@ -1225,3 +1232,52 @@ def test_a_force_after_a_tension_that_still_pulls_is_told() -> None:
     assert not [line for line in warnings(Preview.of(Assembly(cured))) if "act both" in line]
     *_, last = cured.run()
     assert last.state.tension("entry") == pytest.approx(2e4, rel=1e-3)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_roller_that_is_moved_off_the_strip(side: float) -> None:
+    """Whichever way it turns."""
+    wraps = {1.0: "over", -1.0: "under"}
+    tables = {
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 1e-3},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "friction": {"coefficient": 0.3},
+        "threading": {"tension": 1e4, "entry": [-2.0, 0.0, 0.0], "exit": [4.0, 0.0, 0.0]},
+        "rollers": [
+            {"name": n, "radius": 0.3, "centre": [x, 0.0, 0.2 * k * side], "wrap": wraps[k * side]}
+            for n, x, k in (("a", 0.0, 1.0), ("b", 1.0, -1.0), ("c", 2.0, 1.0))
+        ],
+        "stages": [{"name": "lift", "duration": 1.0,
+                    "rollers": {"b": {"move": [0.0, 0.0, 1.2 * side]}}}],
+    }  # fmt: skip
+    (told,) = warnings(preview_of(tables))
+    assert "comes off roller b in stage lift, which moves b" in told
+
+
+def test_a_run_ends_where_a_torque_has_turned_a_roller_through(tmp_path: Path) -> None:
+    """Before the stage that would have to catch it; and says which torque friction takes."""
+    tables = {
+        "strip": {"kinematics": "section", "width": 0.8, "thickness": 5e-4},
+        "material": {"young": 2.1e11, "poisson": 0.3},
+        "friction": {"coefficient": 0.15},
+        "threading": {"tension": 2e3, "entry": [-1.5, 0.0, 0.0], "exit": [2.0, 0.0, 0.0]},
+        "rollers": [
+            {"name": "heavy", "radius": 0.1, "centre": [0.0, 0.0, 0.1], "wrap": "under",
+             "drive": "torque"},
+            {"name": "pull", "radius": 0.3, "centre": [0.8, 0.0, 0.2], "wrap": "over"},
+        ],
+        "stages": [
+            {"name": "up", "duration": 1.0, "entry": {"release": True},
+             "rollers": {"heavy": {"torque": -30.0}, "pull": {"surface_speed": 1.0}}},
+            {"name": "run", "duration": 0.2, "rollers": {"heavy": {"torque": 0.0}}},
+        ],
+    }  # fmt: skip
+    run = Scene.from_tables(tables, "line.toml").run(tmp_path)
+    for _ in run:
+        pass
+    assert run.outcome is Outcome.SPUN and run.state.time == pytest.approx(2.0)
+    found = re.search(r"friction takes ([\d.]+) N m. Try --set (\S+)$", run.message)
+    held = np.expm1(0.15 * run.assembly.thread.turns["heavy"]) * 2e3 * 0.8 * 0.1  # (e^fθ − 1) T W r
+    assert float(found[1]) == pytest.approx(held, rel=0.03)
+    cured = Scene.from_tables(tables, "line.toml", [found[2]]).run()
+    assert all(step.state for step in cured) and cured.outcome.done

@@ -28,7 +28,14 @@ from anmstrip.advice.physics import (
 )
 from anmstrip.advice.preview import Preview, as_sentence, motions_at, unheld_words
 from anmstrip.advice.units import typed_vector
-from anmstrip.advice.warnings import against_section, below_round_off, finer_mesh, serious, slides
+from anmstrip.advice.warnings import (
+    against_section,
+    below_round_off,
+    finer_mesh,
+    serious,
+    slides,
+    spinning_rollers,
+)
 from anmstrip.arrays import Array
 from anmstrip.continuation.path import NEGLIGIBLE_SHARE, Evidence, Outcome, PathStopped
 from anmstrip.equilibrium import StageProblem
@@ -215,6 +222,14 @@ def slides_away(failure: Failure) -> str | None:
     if failure.stopped.outcome is not Outcome.RAN_AWAY:
         return None
     return forewarned(failure) or where_it_slides(failure)
+
+
+def turns_through(failure: Failure) -> str | None:
+    """A torque turns a roller through under the strip."""
+    if failure.stopped.outcome is not Outcome.SPUN:
+        return None
+    found = next(spinning_rollers(failure.state, failure.scene), None)
+    return None if found is None else as_sentence(found)
 
 
 def nothing_grips(failure: Failure) -> str | None:
@@ -524,6 +539,7 @@ CAUSES: tuple[Callable[[Failure], str | None], ...] = (
     too_many_steps,
     too_large,
     slides_away,
+    turns_through,
     not_held,
     squeezed,
     forewarned,

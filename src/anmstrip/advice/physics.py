@@ -249,7 +249,7 @@ def untouched_roller(preview: Preview) -> Iterator[str]:
             )
         touched = False
         for stage, string in zip(preview.stages, preview.strings, strict=True):
-            wrapped, before = thread is not None and roller in thread.rollers, touched
+            wrapped, before = thread is not None and roller.name in thread.turns, touched
             touched = roller.name in string.turns
             moved = [name for name, turn in stage.rollers.items() if turn.move]
             leaves = f"the strip comes off roller {roller.name} in stage {stage.name}"
@@ -288,30 +288,32 @@ def pulled_off(assembly: Assembly, stage: StageSpec) -> Iterator[str]:
             yield f", as {key} turns its {name}. Try --set '{key}=[{typed}]'"
 
 
-def driven_without_friction(preview: Preview) -> Iterator[str]:
-    """Rollers that turn in a stage in which nothing rubs on them."""
-    scene = preview.assembly.scene
+def rollers_without_friction(preview: Preview) -> Iterator[str]:
+    """Rollers that turn, or have torques or bearings, where nothing rubs on them."""
+    scene, frictional = preview.assembly.scene, preview.assembly.frictional
     for spec in scene.rollers:
-        given = ((stage, stage.rollers.get(spec.name)) for stage in scene.stages)
+        given = [(stage, stage.rollers.get(spec.name)) for stage in scene.stages]
         turning = [stage for stage, c in given if c and (c.surface_speed or c.angular_speed)]
-        f = coefficient_on(scene, spec)
-        rubs = f and any(s.steady or preview.assembly.frictional(s) for s in turning)
-        if turning and not rubs:
-            off = f"stages.{turning[0].name}.friction=true" if f else "friction.coefficient=0.2"
+        rubs = coefficient_on(scene, spec)
+        cure = "friction.coefficient=0.2"
+        if spec.friction is not None:
+            cure = f"rollers.{spec.name}.friction=0.2"
+        if turning and not (rubs and any(s.steady or frictional(s) for s in turning)):
+            if rubs:
+                cure = f"stages.{turning[0].name}.friction=true"
             yield (
                 f"roller {spec.name} turns, but nothing rubs on it, so that it drives nothing. "
-                f"Try --set {off}"
+                f"Try --set {cure}"
             )
-
-
-def braked_without_friction(preview: Preview) -> Iterator[str]:
-    """Idle rollers with bearings, on which nothing rubs: their bearings brake nothing."""
-    scene = preview.assembly.scene
-    for spec in scene.rollers if scene.friction is not None else ():
-        if spec.drive == "idle" and spec.bearing and not coefficient_on(scene, spec):
+        elif scene.friction is not None and not rubs and any(c and c.torque for _, c in given):
+            yield (
+                f"a torque turns roller {spec.name}, but nothing rubs on it, so that it spins and "
+                f"drives nothing. Try --set {cure}"
+            )
+        elif scene.friction is not None and not rubs and spec.drive == "idle" and spec.bearing:
             yield (
                 f"nothing rubs on the idle roller {spec.name}: it stands, and its bearings take "
-                f"nothing. Try --set rollers.{spec.name}.friction=0.2"
+                f"nothing. Try --set {cure}"
             )
 
 
@@ -1420,7 +1422,6 @@ PHYSICS_RULES = (
     uneven_fibres,
     loose_fibres,
     untouched_roller,
-    braked_without_friction,
     sideways_entry,
     beyond_yield,
     stretched_beyond_yield,

@@ -301,7 +301,8 @@ def spinning_rollers(state: State, scene: SceneSpec) -> Iterator[str]:
         left = abs(given) - spec.bearing - taken
         if contact is None or not slides(contact) or left <= BALANCED_TORQUE * taken:
             continue
-        stage = [each.name for each in scene.stages if spec.name in each.rollers][-1]
+        until = 1 + [each.name for each in scene.course].index(state.plan.name)
+        stage = [each.name for each in scene.course[:until] if spec.name in each.rollers][-1]
         yield (
             f"roller {spec.name} turns through under the strip: of its torque of {given:.4g} N m "
             f"friction takes {taken:.4g} N m. "
@@ -754,7 +755,7 @@ SERIOUS_RULES = (
     physics.meeting_rollers,
     physics.turned_axis,
     physics.roller_over_an_end,
-    physics.driven_without_friction,
+    physics.rollers_without_friction,
     sharp_roller,
     soft_contact,
     slack_start,

@@ -176,6 +176,9 @@ class Outcome(Enum):
     NOT_FINITE = "the equations gave values that are not finite"
     OVERSTRETCHED = "the strip is stretched to more than twice its length, as no elastic strip is"
     RAN_AWAY = "the strip runs away, a thousand times as fast as the line"
+    SPUN = (
+        "a roller turns a thousand times as fast as the line, and what comes next cannot catch it"
+    )
     TOO_LARGE = "the factors of the tangent do not fit into memory"
 
     @property

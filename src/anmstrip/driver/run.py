@@ -182,13 +182,15 @@ def spins_away(state: State) -> bool:
     return max(speeds, default=0.0) > RUNAWAY_SPEED * state.plan.fastest > 0.0
 
 
-def endless(state: State, usual: float) -> Outcome | None:
+def endless(state: State, usual: float, goes_on: bool) -> Outcome | None:
     """Return why a run stops at a state from which it would go on for nothing, None if it does not.
 
-    Beside the usual speed of the scene (m/s).
+    Beside the usual speed of the scene (m/s); ``goes_on`` says whether another stage follows.
     """
     if doubled_in_length(state):
         return Outcome.OVERSTRETCHED
+    if goes_on and state.control > 1.0 - 1e-9 and state.plan.in_time and spins_away(state):
+        return Outcome.SPUN
     return Outcome.RAN_AWAY if has_run_away(state, usual) else None
 
 
@@ -369,7 +371,8 @@ class Run:
                     with delay_interrupts():
                         accepted = self._accept(step)
                     yield accepted
-                    if outcome := endless(step.state, usual):
+                    goes_on = stage is not course[-1]
+                    if outcome := endless(step.state, usual, goes_on):
                         raise PathStopped(outcome, step.state.control)
             finally:
                 self._count(plan)

@@ -213,8 +213,8 @@ class Lines:
         """
         scene, coarse = self.scene, 2.0 * self.half / MIN_ELEMENTS
         per_line = unknowns_per_line(scene, round(cells_across(scene) / mesh_density(scene)))
+        most = most_unknowns(len(self.rollers)) // per_line - 1
         zones, marks = self.default_zones(), sorted([*self.lifts, *self.corners])
-        most = most_unknowns(len(self.rollers)) // per_line - 1 - len(marks)
         return graded_nodes(self.half, zones, coarse, marks, most, mesh_density(scene))
 
     def default_zones(self) -> list[Zone]:
