@@ -1281,3 +1281,37 @@ def test_a_run_ends_where_a_torque_has_turned_a_roller_through(tmp_path: Path) -
     assert float(found[1]) == pytest.approx(held, rel=0.03)
     cured = Scene.from_tables(tables, "line.toml", [found[2]]).run()
     assert all(step.state for step in cured) and cured.outcome.done
+
+
+@pytest.mark.parametrize("plastic", [None, {}])
+def test_strip_that_turns_about_its_entry_is_told(plastic: dict[str, Any] | None) -> None:
+    """Bent by moments that balance, with nothing that holds its exit across."""
+    tables = {
+        "strip": {"kinematics": "section", "length": 0.5, "width": 0.5, "thickness": 1e-3},
+        "material": {"young": 2e11, "poisson": 0.3, "yield_stress": 3e8, "plasticity": plastic},
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [{"name": "bend", "duration": 1.0,
+                    "entry": {"moment": 10.0}, "exit": {"moment": 10.0}}],
+    }  # fmt: skip
+    (told,) = warnings(preview_of(tables))
+    assert "the exit is free in z: it is in equilibrium at any angle" in told
+    assert not warnings(
+        preview_of({**tables, "edges": {**tables["edges"], "exit": {"fixed": ["z"]}}})
+    )
+
+
+def test_a_belt_is_as_tight_as_it_is_threaded() -> None:
+    """Rollers that it does not touch, and small ones, have no part in the pressure on the drums."""
+    line = {
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 1.2e-3},
+        "material": {"young": 2.1e11, "poisson": 0.3},
+        "threading": {"closed": True, "tension": 1.2e5},
+        "rollers": [
+            {"name": "a", "radius": 0.5, "centre": [0.0, 0.0, 0.0], "wrap": "left"},
+            {"name": "b", "radius": 0.3, "centre": [4.0, 0.0, 0.0], "wrap": "left"},
+            {"name": "c", "radius": 0.06, "centre": [1.5, 0.0, -0.58]},
+        ],
+        "stages": [{"name": "rest", "friction": False}],
+    }  # fmt: skip
+    *_, last = Scene.from_tables(line, "belt.toml").run()
+    assert last.state.tension("entry") == pytest.approx(1.2e5, rel=1e-3)

@@ -53,6 +53,8 @@ WRONG = [  # what is replaced, by what, key that is named, words that must be th
     ("refined = 0.025", 'bending = "stiff"', "strip.bending", "kirchhoff-love"),
     ("refined = 0.025", "bending = 1", "strip.bending", "true, false"),
     ("= 0.6", '= 0.6\nexit.moment = "no"', "stages.turn.exit.moment", "number"),
+    ("= 0.6", "= 0.6\nexit.moment = 1e5", "stages.turn.exit.moment", "strain its faces by"),
+    ("refined = 0.025", "refined = 0.025\ncoil_set = 1e3", "strip.coil_set", "a strain of 50 %"),
     ("= 0.6", "= 0.6\nexit.release = true", "stages.turn.exit.release", "[edges.exit]"),
     ("refined = 0.025", 'kinematics = "plate"', "strip.kinematics", "nothing rubs"),
     ("refined = 0.025", 'kinematics = "solid"', "strip.kinematics", '"shell"'),

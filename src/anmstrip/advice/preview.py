@@ -336,7 +336,8 @@ def flat_states(
         for key in ("tension", "force")
     )
     if first:
-        tension = max(along + pulls) or min(most, assembly.scales.tension)
+        slack = 0.0 if assembly.scene.strip.bending else min(most, assembly.scales.tension)
+        tension = max(along + pulls) or slack
         yield plan, uniform_stretch(assembly, tension, end)
         return
     effects = [effect for effect in plan.model.effects if not effect.by_roller]

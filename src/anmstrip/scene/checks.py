@@ -362,7 +362,7 @@ def natural_shapes(strip: StripSpec, material: MaterialSpec, stages: Stages) -> 
             expected = f"distances from the entry up to the strip's length {strip.length:g} (m)"
             hint = f"along = [[0.0, 1.0], [{strip.length:g}, 1.0]]"
             yield Mistake("", f"{where}.along", list(along), expected, hint)
-        elif not curved:
+        else:
             yield from moderate_strain(where, key, given, strip, material)
 
 
@@ -370,8 +370,10 @@ def moderate_strain(
     where: str, key: str, given: Any, strip: StripSpec, material: MaterialSpec
 ) -> Iterator[Mistake]:
     """Yield an eigenstrain that no metal has, most often in another unit."""
+    faces = 0.5 * strip.thickness
     units = {"temperature": material.expansion or 0.0, "flatness": I_UNIT}
-    unit = units.get(key, 0.5 * (strip.width or 0.0))
+    units |= {"camber": 0.5 * (strip.width or 0.0), "coil_set": faces, "crossbow": faces}
+    unit = units[key]
     largest = float(np.abs(given.samples if isinstance(given, FieldSpec) else given).max())
     if unit * largest > MAX_THREADED_STRAIN:
         name = {"temperature": "K", "flatness": "I-units of 1e-5"}.get(key, "1/m")
@@ -659,6 +661,20 @@ def borne_tension(
         yield Mistake("", "threading.tension", threading.tension, expected, hint)
 
 
+def borne_moments(strip: StripSpec, material: MaterialSpec, stages: Stages) -> Iterator[Mistake]:
+    """Yield moments that bend the faces of a strip by more than a metal bears."""
+    plate = material.young / (1.0 - material.poisson**2)
+    most = MAX_THREADED_STRAIN * plate * strip.thickness**2 / 6.0
+    for key, _, control in edge_controls(stages):
+        if abs(moment := control.moment or 0.0) > most:
+            expected = (
+                f"at most {most:.3g} (N m per metre of width); this would strain its faces by "
+                f"{100.0 * MAX_THREADED_STRAIN * abs(moment) / most:.3g} %"
+            )
+            hint = f"moment = {0.01 * most * np.sign(moment):.2g}"
+            yield Mistake("", f"{key}.moment", moment, expected, hint)
+
+
 def meant_modulus(young: float) -> tuple[str, float] | None:
     """Return the unit in which a Young's modulus was typed that no strip has, and it in Pa.
 
@@ -732,7 +748,8 @@ RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
     ends_of_a_fed_strip, gravity_has_density, known_laws_are_sharpened,
     refined_mesh_is_estimated, rollers_have_friction, stages_have_friction, closed_strip,
     steady_stages, yielding_strip, threading_partners, one_length, held_entry, own_name,
-    threading_ends, borne_tension, wrapped_axes, separate_rollers, times_of_the_run,
+    threading_ends, borne_tension, borne_moments, wrapped_axes, separate_rollers,
+    times_of_the_run,
 )  # fmt: skip
 """Rules between the tables of a scene; their parameters are the names of the tables they need.
 

@@ -682,8 +682,9 @@ class Assembly:
     def signorini(self) -> ContactLaw:
         """The scene's contact law.
 
-        Left open, it is graded: p₀ is the pressure of the taut strip on its rollers, or its
-        weight or the pressure on it if that is more, and the onset is the gap that a straight
+        Left open, it is graded: p₀ is the pressure of the taut strip on its rollers, by the mean of
+        log(r) over their wraps, with which the strip is as long as it lies on all of them, or its
+        weight or the pressure on it if that is more; and the onset is the gap that a straight
         strip has half a spacing of contact points beyond where it lifts off.  It is that at a
         whole spacing where elements have several parts: the load of a roller then does not change
         by 17 %, but by 1e-4, as points pass it, and a plate takes half as many tangents.  Where
@@ -701,7 +702,10 @@ class Assembly:
             return RepulsiveSignorini(*c.constants)
         tension = largest_force(self.scene) or tension_of_moves(self.scene)
         thickness = self.strip.thickness
-        radius = float(np.exp(np.mean(np.log([roller.radius for roller in self.rollers]))))
+        turns = [self.thread.turns.get(r.name, 0.0) for r in self.rollers] if self.thread else []
+        weights = np.abs(turns) if any(turns) else None
+        logarithms = np.log([roller.radius for roller in self.rollers])
+        radius = float(np.exp(np.average(logarithms, weights=weights)))
         load = distributed_load(self.scene)
         if tension == load == 0.0:
             tension = self.scales.tension
