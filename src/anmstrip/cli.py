@@ -57,10 +57,21 @@ LONGEST_FORECAST = 86400.0
 PROGRESS_INTERVAL = 5.0
 """Seconds between two lines where there is no terminal."""
 
+
+class NamedPath(click.Path):
+    """A path of which something was typed: an empty one, as of an unset variable, is a mistake."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the path."""
+        if value == "":
+            self.fail("nothing was typed; expected a path.", param, ctx)
+        return super().convert(value, param, ctx)
+
+
 directory_option = click.option(
     *("-o", "--output", "directory"),
     metavar="DIR",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=NamedPath(path_type=Path, file_okay=False),
     help="Where the results go (default: a directory of its own in results/).",
 )
 settings_option = click.option(
@@ -70,11 +81,11 @@ settings_option = click.option(
     multiple=True,
     help="Use another value than the one written; may be given several times.",
 )
-scene_argument = click.argument("scene", metavar="SCENE.toml", type=click.Path(path_type=Path))
+scene_argument = click.argument("scene", metavar="SCENE.toml", type=NamedPath(path_type=Path))
 quiet_option = click.option(
     "--quiet", is_flag=True, help="Show no progress; what is said at the end still comes."
 )
-result_argument = click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
+result_argument = click.argument("directory", metavar="DIR", type=NamedPath(path_type=Path))
 
 
 def takes_scene(ending: str | None = None) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -333,7 +344,7 @@ def next_command(scene: Path, directory: Path, settings: Iterable[str], *, resum
 @click.option(
     *("-o", "--output", "target"),
     metavar="FILE",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=NamedPath(path_type=Path, dir_okay=False),
     help="Where the scene goes (default: KIND.toml here).",
 )
 def new_command(kind: str, target: Path | None) -> None:
@@ -360,7 +371,7 @@ def new_command(kind: str, target: Path | None) -> None:
 @click.option(
     "--picture",
     metavar="FILE",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=NamedPath(path_type=Path, dir_okay=False),
     help="Also draw the line from the side: a .png, .svg or .pdf.",
 )
 def explain_command(scene: Scene, picture: Path | None) -> None:

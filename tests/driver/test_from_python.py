@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import anmstrip
 from anmstrip import InputError, Scene
+from anmstrip.cli import main
 from anmstrip.continuation.path import Outcome
 from anmstrip.driver.recorder import history_row
 from anmstrip.results.files import read_history
@@ -151,3 +153,31 @@ def test_the_package_has_a_version_and_types() -> None:
 def test_a_path_in_the_place_of_a_scene_is_told_how_to_be_loaded() -> None:
     with pytest.raises(TypeError, match=r"as Scene.load\('line.toml'\) returns"):
         anmstrip.Run("line.toml")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("ways", "told"),
+    [
+        ({"resume": True}, "the directory of the run"),
+        ({"effects": [lambda: None]}, "functions of the strip"),
+        ({"effects": [3]}, "functions of the strip"),
+    ],
+)
+def test_runs_that_cannot_be_made_are_input_errors(ways: dict[str, Any], told: str) -> None:
+    with pytest.raises(InputError, match=told):
+        list(Scene(**TABLES).run(**ways))
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        ["run", "{}", "-o", ""],
+        ["explain", "{}", "--picture", ""],
+        ["sweep", "{}", "--vary", "strip.width=1:1:3"],
+    ],
+)
+def test_options_without_a_meaning_are_wrong_input(line: list[str]) -> None:
+    scene = str(Path(__file__).parents[2] / "examples" / "capstan.toml")
+    found = CliRunner().invoke(main, [part.format(scene) for part in line])
+    assert found.exit_code == 2, found.output
+    assert "expected" in found.output

@@ -116,3 +116,12 @@ def test_a_full_disk_is_reported_with_the_name_of_the_file(tmp_path):
     with pytest.raises(OSError, match="No space left") as caught:
         history.append({"step": 1})
     assert caught.value.filename == str(history.path)
+
+
+@pytest.mark.parametrize("row", ["3", "3,4,5"])
+def test_a_row_of_another_length_is_named(tmp_path, row):
+    path = tmp_path / "table.csv"
+    path.write_text(f"a,b\n1,2\n{row}\n")
+    with pytest.raises(InputError, match="rows of 2 cells") as caught:
+        read_history(path)
+    assert row in str(caught.value) and str(path) in str(caught.value)

@@ -572,3 +572,9 @@ def test_every_function_has_a_test():
     }  # fmt: skip
     assert set(series.UFUNCS) == covered
     assert set(series.FUNCTIONS) == {np.einsum, np.where, np.sum, np.stack, np.any, np.all}
+
+
+@pytest.mark.parametrize("inputs", [(), ([],), (3.0,), ([1.0, 2.0], [1.0])])
+def test_inputs_without_one_order_are_refused(inputs):
+    with pytest.raises(ValueError, match="all of one order"):
+        taylor_series(lambda *x: x[0], *inputs)

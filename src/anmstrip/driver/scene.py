@@ -55,6 +55,9 @@ class Scene(SceneSpec):
         -------
         Run
         """
+        if resume and directory is None:
+            expected = "the directory of the run that is to go on"
+            raise self.refused("directory", None, expected, 'run("results/line", resume=True)')
         if self.repeated and resume:
             refined = self.strip.refined == "auto"
             expected = "a length" if refined else '"fixed"'

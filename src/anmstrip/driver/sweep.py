@@ -63,7 +63,11 @@ def parse_variation(text: str) -> tuple[str, tuple[Any, ...]]:
     except (ValueError, TypeError, RecursionError):
         values = ()
     if not key or not values or not isinstance(values, list):
-        raise variation_error(text, given or None, "KEY=first:last:number, or KEY=value,value")
+        expected = (
+            f"KEY=first:last:number, of two different numbers and 2 to {MAX_SCENES} values, or "
+            "KEY=value,value"
+        )
+        raise variation_error(text, given or None, expected)
     if len(texts) < len(values):
         raise variation_error(text, given, "every value once")
     return key, tuple(values)

@@ -169,7 +169,7 @@ def choose_field(surface: SurfaceMesh, field: str | None) -> str:
         found = [name for name in PREFERRED if np.any(np.nan_to_num(surface.fields.get(name, 0)))]
         return [*found, *names][0]
     if field not in choices(names):
-        near = get_close_matches(field or "", choices(names), n=1) or names or ["NAME"]
+        near = get_close_matches(str(field), choices(names), n=1) or names or ["NAME"]
         expected = f"a field of this run: {', '.join(names) or 'it has none'}"
         raise InputError([Mistake("--field", "", field, expected, f"--field {near[0]}")])
     return field

@@ -378,6 +378,8 @@ def read_history(
 
     Raises
     ------
+    InputError
+        A row has more cells than the header, or fewer.
     OSError
         The file cannot be read.
     """
@@ -388,6 +390,11 @@ def read_history(
         records = csv.reader(wanted)
         parts: list[list[Any]] = [[] for _ in header]
         while some := list(islice(records, ROWS_AT_ONCE)):
+            if {len(row) for row in some} != {len(header)}:
+                expected = f"rows of {len(header)} cells, as the header has"
+                short = next(row for row in some if len(row) != len(header))
+                hint = "the run again, or the file without that row"
+                raise InputError([Mistake(str(path), "", ",".join(short), expected, hint)])
             for part, cells in zip(parts, zip(*some, strict=True), strict=True):
                 part.append(_numbers(cells))
     table = Named[NDArray[np.float64] | list[str]]()

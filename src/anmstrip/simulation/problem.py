@@ -799,11 +799,14 @@ class Assembly:
         """Effects of the user's own, which have names of their own."""
         made, taken = list[Effect](), set(BUILT_IN_EFFECTS)
         for make in self.added:
+            expected = "functions of the strip, each of which returns an effect"
+            hint = "lambda strip: Mine(strip)"
             if not callable(make):
-                expected = "functions of the strip, each of which returns an effect"
-                raise self.scene.refused(
-                    "effects", repr(make), expected, "lambda strip: Mine(strip)"
-                )
+                raise self.scene.refused("effects", repr(make), expected, hint)
+            try:
+                signature(make).bind(self.strip)
+            except TypeError as error:
+                raise self.scene.refused("effects", str(error), expected, hint) from error
             effect = make(self.strip)
             name = getattr(effect, "name", repr(effect))
             if not isinstance(effect, Effect) or name in taken or not isinstance(name, str):

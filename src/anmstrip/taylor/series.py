@@ -175,12 +175,23 @@ def taylor_series(law: Callable[..., Any], *inputs: ArrayLike) -> Array:
     -------
     ndarray, shape (order + 1, ...)
 
+    Raises
+    ------
+    ValueError
+        An input has no coefficients, or they have different numbers of them.
+
     Examples
     --------
     >>> taylor_series(np.exp, [0.0, 1.0, 0.0])
     array([1. , 1. , 0.5])
     """
     given = [np.asarray(c, dtype=float) for c in inputs]
+    counts = {len(c) if c.ndim else 0 for c in given}
+    if len(counts) != 1 or 0 in counts:
+        shapes = ", ".join(str(c.shape) for c in given) or "none"
+        raise ValueError(
+            f"expected inputs of shape (order + 1, ...), all of one order; got {shapes}"
+        )
     order = len(given[0]) - 1
     orders = recorded(law).start(*(c[0] for c in given), order=order)
     higher = [orders.advance(k, *(c[k] for c in given)) for k in range(1, order + 1)]
