@@ -283,12 +283,12 @@ def given_tensions(scene: SceneSpec) -> Iterator[float]:
 
 
 def edge_pulls(stage: StageSpec) -> Iterator[tuple[str, float]]:
-    """Yield edges whose tension or force a stage gives, and its size (N/m)."""
+    """Yield edges whose force or tension a stage gives, and its size (N/m); the tension last."""
     for name, edge in stage.edges.items():
-        if edge.tension is not None:
-            yield name, edge.tension
         if edge.force is not None:
             yield name, float(np.linalg.norm(edge.force))
+        if edge.tension is not None:
+            yield name, edge.tension
 
 
 def eigenstrain(scene: SceneSpec, shape: NaturalShape) -> float:

@@ -58,19 +58,13 @@ from anmstrip.simulation.defaults import (
     with_defaults,
 )
 from anmstrip.simulation.meshing import (
+    Layout,
     Loads,
     carrying_sense,
     cells_across,
-    contact_parts,
-    deepest_bearing,
-    follows,
     label_at,
     loads_in_stages,
     mesh_density,
-    nipping_rollers,
-    pressed_rollers,
-    shortest_wanted,
-    strip_mesh,
 )
 from anmstrip.simulation.threading import Thread, thread_of
 from anmstrip.taylor.series import record
@@ -324,6 +318,11 @@ class Assembly:
         return thread_of(self.scene, rollers, self.origin, length)
 
     @cached_property
+    def layout(self) -> Layout:
+        """Rollers and the way of the strip past them, by which the mesh is chosen."""
+        return Layout(self.scene, self.rollers, self.thread)
+
+    @cached_property
     def laid(self) -> Array:
         """Displacements of a threaded strip before equilibrium, shape (unknowns of it,)."""
         assert self.thread is not None
@@ -332,14 +331,11 @@ class Assembly:
     @cached_property
     def growth(self) -> Growth | None:
         """The strip that runs take up, where labels follow rollers, or stay on them."""
-        if self.thread is None:
-            return None
-        others = pressed_rollers(self.scene, self.rollers, self.thread)
-        if not follows(self.scene, self.thread, others):
+        if not self.layout.follows:
             return None
         from anmstrip.simulation.growth import Growth
 
-        return Growth.of(self.scene, self.thread, np.unique(self.strip.mesh.p[0]), others)
+        return Growth.of(self.layout, np.unique(self.strip.mesh.p[0]))
 
     @property
     def sways(self) -> bool:
@@ -383,12 +379,12 @@ class Assembly:
         """Mesh and basis."""
         spec = self.scene.strip
         if spec.mesh is None:
-            mesh = strip_mesh(self.scene, self.rollers, self.thread)
+            mesh = self.layout.mesh
         else:
             mesh = renumbered(self.mesh_of_file.translated(-self.flat_origin))
         strip = Strip(mesh, spec.thickness, self.material, self.kinematics, spec.width or 1.0)
         strip.origin, strip.flat_origin = self.origin, self.flat_origin
-        strip.contact_parts = contact_parts(self.scene, self.rollers, self.thread)
+        strip.contact_parts = self.layout.contact_parts
         check_geometry(self.scene, strip, self.rollers)
         return strip
 
@@ -707,8 +703,8 @@ class Assembly:
         pressure = c.pressure or max(tension / radius, load)
         element, nips = float(self.strip.cell_sizes[0].min()), False
         if self.scene.strip.cells is None and self.scene.strip.mesh is None:
-            usual = shortest_wanted(self.scene, self.rollers, self.thread)
-            if nips := bool(nipping_rollers(self.scene, self.rollers, self.thread)):
+            usual = self.layout.shortest_wanted
+            if nips := bool(self.layout.nipping):
                 element = usual  # on any mesh: the law makes the force of a gap
             element = max(element, MIN_ONSET_ELEMENT * usual / mesh_density(self.scene))
         parts = 1 if nips else self.strip.contact_parts
@@ -718,8 +714,7 @@ class Assembly:
             onsets = max(1.0, float(np.log(pressure / load)))
             onset = min(onset, FLOATING_SHARE * thickness / onsets)
         if self.thread is not None:
-            depths = deepest_bearing(self.scene, self.rollers, self.thread)
-            onset = min(onset, LYING_ONSET * float(depths.min()))
+            onset = min(onset, LYING_ONSET * float(self.layout.deepest_bearing.min()))
         if self.kinematics.count == 3 and fibres_differ(self.scene):
             stretch = tension / (self.material.young * thickness)
             onset = min(onset, ONSET_STRETCH * stretch * radius * self._spread())
