@@ -274,7 +274,8 @@ class Assembly:
     @property
     def unknowns(self) -> int:
         """Number of all unknowns: these, and the plastic strains."""
-        return self.coupled + (0 if self.frozen is None else len(self.frozen.units))
+        strains = self.plastic_strains(grow=False)
+        return self.coupled + (0 if strains is None else len(strains.units))
 
     @property
     def closed(self) -> bool:
@@ -483,60 +484,46 @@ class Assembly:
             return own_law(self.scene, "material.plasticity", p, FlowLaw, given)
         return FlowLaw(**given)
 
-    def _plasticity(self, flow: FlowLaw, frozen: bool, along: bool) -> Plasticity:
-        """Return plastic flow that is frozen, in time, or along the strip."""
-        p = self.scene.material.plasticity
-        assert p is not None and self.membrane is not None
-        count = p.layers or DEFAULT_LAYERS[self.scene.strip.kinematics]
-        layers = Layers.of(self.strip.thickness, count)
-        variables = flow.variables(self.kinematics.directions)
-        slopes = upwind_differences(self.strip) if along else None
-        assert isinstance(self.bending, KirchhoffLove)
-        given = self.bending.operator, self.coupled, variables, layers, slopes, not frozen
-        return Plasticity(self.membrane, self.bending, flow, InternalOperator(*given))
-
     @cached_property
-    def frozen(self) -> Plasticity | None:
-        """Plastic strains that do not grow, if the material yields."""
-        return None if self.flow is None else self._plasticity(self.flow, True, False)
-
-    @cached_property
-    def flowing(self) -> Plasticity | None:
-        """Plastic flow in time, if the material yields."""
-        return None if self.flow is None else self._plasticity(self.flow, False, False)
-
-    @cached_property
-    def _flowing_along(self) -> dict[float, Plasticity]:
-        """Plastic flow along the strip, by speeds (m/s)."""
+    def _plastic(self) -> dict[tuple[bool, float | None], Plasticity]:
+        """Plastic strains so far made, by whether they grow, and the strip's speed (m/s)."""
         return {}
 
-    def flowing_along(self, stage: StageSpec) -> Plasticity | None:
-        """Plastic flow along the strip in a stationary state, at its speed at the stage's end.
+    def plastic_strains(self, grow: bool, speed: float | None = None) -> Plasticity | None:
+        """Return plastic strains that are frozen, or grow: in time, or at a speed along the strip.
 
-        A rate that is guessed is that of the fastest speed, and grows with it.
+        Parameters
+        ----------
+        grow : bool
+        speed : float, optional
+            Of the strip in a stationary state (m/s).
         """
-        p = self.scene.material.plasticity
-        if self.flow is None or p is None:
+        flow, p, key = self.flow, self.scene.material.plasticity, (grow, speed)
+        if flow is None or p is None:
             return None
-        speed = fastest(self.scene)
-        if p.reference_rate is not None:
-            speed = passing_speed(self.scene, stage) or speed
-        speed = speed or 1.0
-        if speed not in self._flowing_along:
-            flow = replace(self.flow, rate=self.flow.rate / speed)
-            self._flowing_along[speed] = self._plasticity(flow, False, True)
-        return self._flowing_along[speed]
+        if key not in self._plastic:
+            assert self.membrane is not None and isinstance(self.bending, KirchhoffLove)
+            count = p.layers or DEFAULT_LAYERS[self.scene.strip.kinematics]
+            layers = Layers.of(self.strip.thickness, count)
+            variables, slopes = flow.variables(self.kinematics.directions), None
+            if speed is not None:
+                flow, slopes = replace(flow, rate=flow.rate / speed), upwind_differences(self.strip)
+            given = self.bending.operator, self.coupled, variables, layers, slopes, grow
+            operator = InternalOperator(*given)
+            self._plastic[key] = Plasticity(self.membrane, self.bending, flow, operator)
+        return self._plastic[key]
 
     def plasticity(self, stage: StageSpec) -> Plasticity | None:
-        """Return plastic strains as they grow in a stage, if the material yields."""
-        if not self.yields(stage):
-            return self.frozen
-        return self.flowing_along(stage) if stage.steady else self.flowing
+        """Return plastic strains as they grow in a stage, if the material yields.
 
-    def units(self, stage: StageSpec) -> Array | None:
-        """Return the units of the plastic strains' equations in a stage, if there are any."""
-        effect = self.plasticity(stage)
-        return None if effect is None else effect.units
+        In a stationary state at its speed at the stage's end.  A rate that is guessed is that of
+        the fastest speed, and grows with it.
+        """
+        p, speed = self.scene.material.plasticity, None
+        if p is not None and stage.steady and self.yields(stage):
+            given = p.reference_rate and passing_speed(self.scene, stage)
+            speed = given or fastest(self.scene) or 1.0
+        return self.plastic_strains(self.yields(stage), speed)
 
     @cached_property
     def contact_operator(self) -> ContactOperator:

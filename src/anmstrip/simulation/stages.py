@@ -143,7 +143,9 @@ class Course:
             start["strip.passing"] = np.array(before)
             if after != before:
                 slope["strip.passing"] = np.array(after - before)
-        given = a.scales, a.turning, a.conveyed, pull, a.units(stage)
+        strains = a.plasticity(stage)
+        units = None if strains is None else strains.units
+        given = a.scales, a.turning, a.conveyed, pull, units
         return StageProblem(
             name=stage.name,
             start=self.time,
