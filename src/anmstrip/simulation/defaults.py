@@ -463,9 +463,8 @@ def passing_speed(scene: SceneSpec, stage: StageSpec) -> float:
     """
     if stage.strip.speed is not None:
         return abs(stage.strip.speed)
-    names, speeds = [each.name for each in scene.stages], dict[str, float]()
-    until = names.index(stage.name) if stage.name in names else len(names)
-    for each in (*scene.stages[:until], stage):
+    speeds = dict[str, float]()
+    for each in scene.up_to(stage):
         speeds |= dict(stage_speeds(scene, each))
     return float(np.median(np.abs([*speeds.values()]))) if speeds else 0.0
 

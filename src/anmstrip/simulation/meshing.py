@@ -214,13 +214,9 @@ class Layout:
         has nodes: a string has corners of its curvature there.  ``strip.finer`` multiplies the
         numbers of elements.
         """
-        scene, spec, section = (
-            self.scene,
-            self.scene.strip,
-            self.scene.strip.kinematics == "section",
-        )
+        scene, spec, across = self.scene, self.scene.strip, lines_across(self.scene)
         assert spec.width is not None
-        across = lines_across(scene)
+        section = spec.kinematics == "section"
         xs = self.by_default() if spec.cells is None else self.chosen(spec.cells)
         count = (len(xs) - 1) * (1 if section else len(across) - 1)
         if spec.finer is not None and count > MAX_ELEMENTS:
@@ -427,12 +423,10 @@ class Layout:
     @cached_property
     def nips(self) -> list[list[Nip]]:
         """Nips at the beginning and at the end of each stage."""
-        found = [nips_of(self.rollers, self.thread, self.scene.strip.thickness)]
+        thread, thickness = self.thread, self.scene.strip.thickness
+        found = [nips_of(self.rollers, thread, thickness)]
         for places in rollers_in_stages(self.scene, self.rollers):
-            if places is None:
-                found.append(found[-1])
-            else:
-                found.append(nips_of(places, self.thread, self.scene.strip.thickness))
+            found.append(found[-1] if places is None else nips_of(places, thread, thickness))
         return found
 
     @cached_property
@@ -968,7 +962,8 @@ def carrying_sense(roller: Roller, thread: Thread | None) -> float:
     if thread is None:
         return float(forwards if roller.centre[2] <= 0.0 else -forwards)
     wrapped = dict(zip((r.name for r in thread.rollers), thread.senses, strict=True))
-    return float(forwards * wrapped.get(roller.name, thread.passing(axis_crossing(roller))[1]))
+    sense = wrapped.get(roller.name) or thread.passing(axis_crossing(roller))[1]  # +1 or −1
+    return float(forwards * sense)
 
 
 def surface_speed(control: RollerControl | None, roller: Roller) -> float | None:

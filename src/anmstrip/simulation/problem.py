@@ -750,19 +750,18 @@ class Assembly:
             own.append(Foundation(self.strip, stiffness))
         effects: list[Effect] = [effect for effect in own if effect is not None]
         makers = {"force": edge_force, "tension": edge_tension, "moment": edge_moment}
+        laid = self.thread.ends_in_space(self.strip)[2:] if self.thread else ()
+        outward = dict(zip(ENDS, laid, strict=False))
         for control in given:
             edge, _, kind = control.rpartition(".")
             curls = {"strip.coil_set", "strip.crossbow", f"{edge}.moment"}
             curled = kind == "tension" and self.bending and curls & set(given)
-            if self.thread and edge in ENDS and (curled or kind == "unevenness"):
-                outward = self.thread.ends_in_space(self.strip)[2 + ENDS.index(edge)]
-                effects.append(
-                    curled_edge_tension(self.strip, edge, outward)
-                    if curled
-                    else uneven_edge_tension(self.strip, edge, outward, self.scales.tension)
-                )
-                continue
-            if kind in makers:
+            if curled and edge in outward:
+                effects.append(curled_edge_tension(self.strip, edge, outward[edge]))
+            elif kind == "unevenness" and edge in outward:
+                ended = self.strip, edge, outward[edge], self.scales.tension
+                effects.append(uneven_edge_tension(*ended))
+            elif kind in makers:
                 effects.append(makers[kind](self.strip, edge))
             elif kind == "gravity":
                 effects.append((weight if self.growth is None else GrownWeight)(self.strip))
