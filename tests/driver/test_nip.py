@@ -20,7 +20,6 @@ from anmstrip.advice.warnings import warnings
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
-from anmstrip.simulation.meshing import nips_in_stages
 from anmstrip.simulation.problem import Assembly
 from pinch_rolls import DRAWN
 
@@ -148,7 +147,7 @@ def test_the_force_that_is_told_is_the_one_of_a_run(squeeze: float) -> None:
     run = ended(Scene.from_tables(tables, "pinch.toml"))
     assert run.outcome.done, run.message
     assert run.state is not None
-    *_, (nip,) = nips_in_stages(run.assembly.scene, run.assembly.rollers, None)
+    *_, (nip,) = run.assembly.layout.nips
     assert nip.squeeze == pytest.approx(squeeze, abs=1e-12)
     expected = nip_force(run.assembly, nip, nip.squeeze)
     assert run.state.rollers["top"].normal_force == pytest.approx(expected, rel=0.02)
@@ -314,7 +313,7 @@ def test_a_nip_of_rollers_that_do_not_move_is_closed_where_they_are_drawn() -> N
     tables = copy.deepcopy(PINCH)
     tables["rollers"][1]["centre"][2], tables["stages"][0]["rollers"] = 0.1505, {}
     assembly = Assembly(Scene.from_tables(tables, "pinch.toml"))
-    *_, (nip,) = nips_in_stages(assembly.scene, assembly.rollers, assembly.thread)
+    *_, (nip,) = assembly.layout.nips
     assert typed(closer_rollers(assembly, "run", nip, 1e-5)) == [
         "rollers.top.centre=[0, 0, 0.15049]"
     ]
@@ -322,7 +321,7 @@ def test_a_nip_of_rollers_that_do_not_move_is_closed_where_they_are_drawn() -> N
 
 def test_a_place_that_is_typed_has_no_round_off() -> None:
     assembly = Assembly(Scene.from_tables(STEADY, "pinch.toml"))
-    *_, (nip,) = nips_in_stages(assembly.scene, assembly.rollers, assembly.thread)
+    *_, (nip,) = assembly.layout.nips
     assert typed(closer_rollers(assembly, "run", nip, 0.0)) == [
         "stages.close.rollers.up.move=[0, 0, 0]"
     ]

@@ -14,6 +14,7 @@ import hard_strips as strips
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.simulation.march import March, Step
+from anmstrip.simulation.meshing import Layout
 from answers import right
 from hard_strips import LAY, PULL, end_of, ran, tables_of, turning
 
@@ -150,7 +151,8 @@ def test_numbering_does_not_matter(level: str, monkeypatch: pytest.MonkeyPatch) 
 
     def forces(shuffled: bool) -> list[float]:
         if shuffled:
-            monkeypatch.setattr("anmstrip.simulation.problem.strip_mesh", renumbered)
+            usual = Layout.mesh.fget
+            monkeypatch.setattr(Layout, "mesh", property(lambda layout: renumbered(usual(layout))))
         tables = tables_of(PULL, LAY, turning(duration=0.02), level=level, refined=0.4)
         tables["solver"]["tolerance"] = 1e-6
         run, _ = ran(tables)
@@ -161,11 +163,8 @@ def test_numbering_does_not_matter(level: str, monkeypatch: pytest.MonkeyPatch) 
     assert forces(shuffled=True) == pytest.approx(forces(shuffled=False), rel=1e-9)
 
 
-def renumbered(scene: Scene, rollers: Any, thread: Any) -> Any:
+def renumbered(mesh: Any) -> Any:
     """The mesh with its nodes in another order."""
-    from anmstrip.simulation.meshing import strip_mesh
-
-    mesh = strip_mesh(scene, rollers, thread)
     order = np.random.default_rng(1).permutation(mesh.p.shape[1])
     place = np.argsort(order)
     low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)

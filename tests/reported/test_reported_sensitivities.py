@@ -12,6 +12,7 @@ import pytest
 from anmstrip import Scene
 from anmstrip.driver.sensitivities import STENCIL, sensitivities
 from anmstrip.results.state import State
+from anmstrip.simulation.meshing import Layout
 from stationary import corrected
 
 SIZES = {"tension": 1e4, "torque": 2.5e3, "speed": 2.0, "offset": 1.0}
@@ -113,7 +114,7 @@ def stationary(tables: dict[str, Any], like: State | None, patch: pytest.MonkeyP
     """
     if like is not None:
         model, problem = like.plan.model, "anmstrip.simulation.problem"
-        patch.setattr(f"{problem}.strip_mesh", lambda *_: model.strip.mesh)
+        patch.setattr(Layout, "mesh", model.strip.mesh)
         patch.setattr(f"{problem}.largest_force", lambda _: model.scales.tension)
     run = Scene.model_validate(tables).run()
     *_, last = run

@@ -85,10 +85,7 @@ def test_the_mesh_is_fine_where_strip_comes_to_lie_on_any_roller() -> None:
 
 
 def _zones(assembly: Assembly) -> list[tuple[float, float]]:
-    from anmstrip.simulation.meshing import fine_zones
-
-    half = 0.5 * assembly.strip.length
-    return fine_zones(assembly.scene, assembly.rollers, assembly.thread, half)
+    return assembly.layout.fine_zones(assembly.rollers)
 
 
 def test_positive_speeds_carry_the_strip_on() -> None:

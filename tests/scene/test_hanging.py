@@ -17,6 +17,7 @@ from anmstrip.driver.sensitivities import sensitivities
 from anmstrip.mechanics.string_path import catenary
 from anmstrip.results.rollers import RollerPassage
 from anmstrip.results.state import State
+from anmstrip.simulation.meshing import Layout
 from anmstrip.simulation.problem import Assembly
 from stationary import corrected
 
@@ -147,7 +148,7 @@ def test_sensitivities_are_those_of_lines_whose_ends_stay(
     found = sensitivities(state, [False] * 2, run.assembly.hanging(state.plan))[key]
     mesh, growth = run.assembly.strip.mesh, run.assembly.growth
     problem, tension = "anmstrip.simulation.problem", run.assembly.scales.tension
-    monkeypatch.setattr(f"{problem}.strip_mesh", lambda *_: mesh)
+    monkeypatch.setattr(Layout, "mesh", mesh)
     monkeypatch.setattr(f"{problem}.largest_force", lambda _: tension)
     monkeypatch.setattr(Assembly, "growth", growth)
     scale = {"gravity": 9.81, "exit.force": TENSION, "strip.thickness": 5e-4}[key]
@@ -254,7 +255,7 @@ def test_sensitivities_of_strip_on_supports(monkeypatch: pytest.MonkeyPatch) -> 
     state = corrected(run.state)
     found = sensitivities(state, [False] * 4, run.assembly.hanging(state.plan))["gravity"]
     mesh, growth, law = run.assembly.strip.mesh, run.assembly.growth, run.assembly.signorini
-    monkeypatch.setattr("anmstrip.simulation.problem.strip_mesh", lambda *_: mesh)
+    monkeypatch.setattr(Layout, "mesh", mesh)
     monkeypatch.setattr(Assembly, "growth", growth)
     monkeypatch.setattr(Assembly, "signorini", law)
     for share in (1.0 - step, 1.0 + step):

@@ -38,9 +38,6 @@ from anmstrip.simulation.meshing import (
     axis_crossing,
     carrying_sense,
     label_at,
-    nipping_rollers,
-    nips_in_stages,
-    strip_travel,
     surface_speed,
 )
 from anmstrip.simulation.problem import Assembly
@@ -107,9 +104,7 @@ PLACE_DECIMALS = 9
 
 def meeting_rollers(preview: Preview) -> Iterator[str]:
     """Rollers that move into one another: those that press the strip may come as far as that."""
-    assembly = preview.assembly
-    stages = nips_in_stages(assembly.scene, assembly.rollers, assembly.thread)
-    pressed = [set(nip.names) for found in stages for nip in found]
+    pressed = [set(nip.names) for found in preview.assembly.layout.nips for nip in found]
     for plan in preview.plans:
         end = plan.controls.at(1.0)
         moving = {key for key, slope in plan.controls.slope.items() if np.any(slope)}
@@ -184,7 +179,7 @@ def roller_in_the_way(preview: Preview) -> Iterator[str]:
     assembly = preview.assembly
     if assembly.thread is None:
         return
-    drawn, *_ = nips_in_stages(assembly.scene, assembly.rollers, assembly.thread)
+    drawn, *_ = assembly.layout.nips
     nipping = {name for nip in drawn if nip.gap >= 0.0 for name in nip.names}
     for roller in assembly.rollers:
         inside = -preview.strings[0].gaps.get(roller.name, 0.0)
@@ -412,10 +407,8 @@ def pulled_at_both_ends(preview: Preview) -> Iterator[Pulled]:
     first = 0.0 if scene.threading is None else scene.threading.tension
     pulls, torques, weight = dict.fromkeys(ENDS, first), dict[str, float](), 0.0
     given = set[str]()  # ends whose tension is known, held as they may be
-    found = nips_in_stages(scene, assembly.rollers, assembly.thread)
     course, known = Course(assembly), {plan.name for plan in preview.plans}
-    next(found)
-    for stage, nips in zip(scene.stages, found, strict=True):
+    for stage, nips in zip(scene.stages, assembly.layout.nips[1:], strict=True):
         before = dict(pulls)
         torques |= {n: c.torque for n, c in stage.rollers.items() if c.torque is not None}
         if stage.gravity is not None:
@@ -910,7 +903,7 @@ def heavy_bearings(preview: Preview) -> Iterator[str]:
     Friction makes of a tension T at most T e^(fθ), and turns the roller with the difference.
     """
     assembly = preview.assembly
-    nipped = nipping_rollers(assembly.scene, assembly.rollers, assembly.thread)
+    nipped = assembly.layout.nipping
     for spec, roller in zip(assembly.scene.rollers, assembly.rollers, strict=True):
         arm = roller.radius * assembly.strip.width
         sag = turn_by_weight(preview, roller)
@@ -1039,7 +1032,7 @@ def strip_runs_out(preview: Preview) -> Iterator[str]:
     scene, thread = preview.assembly.scene, preview.assembly.thread
     if thread is None or scene.strip.feed:
         return
-    back, ahead = strip_travel(scene, preview.assembly.rollers, thread)
+    back, ahead = preview.assembly.layout.travel
     half = 0.5 * thread.length
     first = min(start for start, _ in thread.arcs.values()) + half
     last = half - max(end for _, end in thread.arcs.values())
@@ -1073,7 +1066,7 @@ def nip_forces(preview: Preview) -> Iterator[str]:
     assembly, thickness = preview.assembly, preview.assembly.strip.thickness
     narrowest = dict[tuple[str, str], tuple[Nip, str]]()
     stages = ["", *(stage.name for stage in assembly.scene.stages)]
-    found = nips_in_stages(assembly.scene, assembly.rollers, assembly.thread)
+    found = assembly.layout.nips
     for stage, each in ((s, nip) for s, nips in zip(stages, found, strict=True) for nip in nips):
         if each.names not in narrowest or each.gap < narrowest[each.names][0].gap:
             narrowest[each.names] = each, stage

@@ -38,11 +38,8 @@ from anmstrip.simulation.meshing import (
     LAYER_SHARE,
     MAX_ELEMENTS,
     contact_stands,
-    hinge_length,
     mesh_density,
     most_unknowns,
-    refinement,
-    shortest_wanted,
     surface_speed,
 )
 from anmstrip.simulation.problem import MAX_HALVED_UNKNOWNS, Assembly, Size, naturals, size_of
@@ -558,7 +555,7 @@ def coarse_mesh(preview: Preview) -> Iterator[str]:
     if scene.contact is None:
         return
     if scene.strip.cells is None and scene.strip.mesh is None:
-        wanted = shortest_wanted(scene, preview.assembly.rollers, preview.assembly.thread)
+        wanted = preview.assembly.layout.shortest_wanted
         finest = float(strip.cell_sizes[0].min())
         if finest * min(1.0, mesh_density(scene)) > COARSE_RATIO * wanted > 0.0:
             why = f"since a mesh by default has about {most_unknowns(len(scene.rollers))} unknowns"
@@ -588,7 +585,7 @@ def coarse_hinges(preview: Preview) -> Iterator[str]:
     By default they are not where strip that runs in time brings all its labels onto the rollers.
     """
     scene, assembly = preview.assembly.scene, preview.assembly
-    wanted = LAYER_SHARE * hinge_length(scene, assembly.thread)
+    wanted = LAYER_SHARE * assembly.layout.hinge_length
     finest = float(assembly.strip.cell_sizes[0].min())
     if finest > COARSE_RATIO * wanted:
         yield (
@@ -601,7 +598,7 @@ def coarse_hinges(preview: Preview) -> Iterator[str]:
 def shorter_elements(assembly: Assembly, longest: float) -> str:
     """Return what to type for shorter elements by default (m), or what they would cost."""
     scene = assembly.scene
-    found = refinement(scene, assembly.rollers, assembly.thread, longest)
+    found = assembly.layout.refined(longest)
     key, count = f"--set strip.finer={found.finer:g}", f"{found.unknowns} unknowns"
     if found.elements > MAX_ELEMENTS:
         return f"Shorter ones would be {found.elements}, more than a mesh may have."

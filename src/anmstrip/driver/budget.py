@@ -614,7 +614,7 @@ class Halved(Assembly):
 
         By the polynomials through the points of every element: strains jump between them.
         """
-        if (layers := self.coarse.frozen) is None:
+        if (layers := self.coarse.plastic_strains(grow=False)) is None:
             return np.zeros(0)
         old, (parents, local) = self.coarse.strip, self.children
         own = old.basis.X[0]

@@ -490,7 +490,7 @@ class Regularisation:
 
 
 def regularisation_of(
-    state: ContactState, reading: RollerReading, *, speed: float, elapsed: float, stiffness: float
+    state: ContactState, reading: RollerReading, elapsed: float, stiffness: float
 ) -> Regularisation:
     """Estimate what regularisation does on one roller.
 
@@ -498,14 +498,12 @@ def regularisation_of(
     ----------
     state : ContactState
     reading : RollerReading
-    speed : float
-        Speed of the roller's surface (m/s).
     elapsed : float
         Time for which the strip may have crept (s).
     stiffness : float
         E t of the strip (N/m).
     """
-    touching, radius = state.touching, state.roller.radius
+    touching, radius, speed = state.touching, state.roller.radius, reading.surface_speed
     if not touching.any():
         return Regularisation()
     tension = max(reading.tension_in or 0.0, reading.tension_out or 0.0)

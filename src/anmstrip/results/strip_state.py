@@ -399,17 +399,9 @@ class StripState:
     @cached_property
     def regularisation(self) -> dict[str, Regularisation]:
         """Roller → what its regularised laws cost in truth."""
-        costs = {
-            name: regularisation_of(
-                self.contacts[name],
-                reading,
-                speed=reading.surface_speed,
-                elapsed=np.inf if self.plan.steady else self.time,
-                stiffness=self.plan.model.strip.tensile_stiffness,
-            )
-            for name, reading in self.rollers.items()
-        }
-        return Named(costs)
+        elapsed = np.inf if self.plan.steady else self.time
+        given, pairs = (elapsed, self.plan.model.strip.tensile_stiffness), self.rollers.items()
+        return Named((n, regularisation_of(self.contacts[n], read, *given)) for n, read in pairs)
 
     def unstressed_length(self, x: Any) -> Any:
         """Length of unstressed strip (m) between the entry and labels x, shape of x."""

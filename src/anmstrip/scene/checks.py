@@ -96,18 +96,9 @@ def nonzero(vector: tuple[float, float, float] | None) -> list[str]:
     return [name for name, value in zip("xyz", vector or (), strict=False) if value != 0]
 
 
-def unique_rollers(rollers: Rollers) -> Iterator[Mistake]:
-    """Yield rollers that have the name of another."""
-    return duplicates("rollers", [roller.name for roller in rollers])
-
-
-def unique_stages(stages: Stages) -> Iterator[Mistake]:
-    """Yield stages that have the name of another."""
-    return duplicates("stages", [stage.name for stage in stages])
-
-
-def duplicates(key: str, names: list[str]) -> Iterator[Mistake]:
-    """Yield names of a list of tables that come more than once."""
+def duplicates(key: str, tables: Rollers | Stages) -> Iterator[Mistake]:
+    """Yield rollers or stages that have the name of another."""
+    names = [table.name for table in tables]
     for name, count in Counter(names).items():
         if count > 1:
             free = next(f"{name}_{i}" for i in range(2, 999) if f"{name}_{i}" not in names)
@@ -742,14 +733,14 @@ def times_of_the_run(threading: Threading, stages: Stages, output: OutputSpec) -
 
 
 RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
-    unique_rollers, unique_stages, known_edges, known_rollers, controls_of_drives, flat_plates,
-    rollers_of_a_section, known_directions, tensions_and_moments, held_components,
-    speeds_at_ends, released_for_good, pulled_once, tables_of_temperature, natural_shapes,
-    ends_of_a_fed_strip, gravity_has_density, known_laws_are_sharpened,
-    refined_mesh_is_estimated, rollers_have_friction, stages_have_friction, closed_strip,
-    steady_stages, yielding_strip, threading_partners, one_length, held_entry, own_name,
-    threading_ends, borne_tension, borne_moments, wrapped_axes, separate_rollers,
-    times_of_the_run,
+    lambda rollers: duplicates("rollers", rollers), lambda stages: duplicates("stages", stages),
+    known_edges, known_rollers, controls_of_drives, flat_plates, rollers_of_a_section,
+    known_directions, tensions_and_moments, held_components, speeds_at_ends, released_for_good,
+    pulled_once, tables_of_temperature, natural_shapes, ends_of_a_fed_strip,
+    gravity_has_density, known_laws_are_sharpened, refined_mesh_is_estimated,
+    rollers_have_friction, stages_have_friction, closed_strip, steady_stages, yielding_strip,
+    threading_partners, one_length, held_entry, own_name, threading_ends, borne_tension,
+    borne_moments, wrapped_axes, separate_rollers, times_of_the_run,
 )  # fmt: skip
 """Rules between the tables of a scene; their parameters are the names of the tables they need.
 

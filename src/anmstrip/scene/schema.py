@@ -212,6 +212,13 @@ class SceneSpec(Table):
         threading = StageSpec(name=THREADING, duration=self.threading.duration, friction=False)
         return (threading, *self.stages)
 
+    def up_to(self, stage: StageSpec) -> tuple[StageSpec, ...]:
+        """Return the stages up to one, or all of them and one that is not among them."""
+        course = self.course
+        names = [each.name for each in course]
+        before = course[: names.index(stage.name)] if stage.name in names else course
+        return *before, stage
+
     @property
     def ends(self) -> list[float]:
         """Instants at which all stages end (s), added up one after the other as steps do."""
@@ -413,16 +420,11 @@ def with_implied_tables(scene: Mapping[str, Any]) -> dict[str, Any]:
                 {"name": f"{prefix}{position}", **table} if isinstance(table, Mapping) else table
                 for position, table in enumerate(tables, start=1)
             ]
-    material = scene.get("material")
-    if "friction" in scene or (isinstance(material, Mapping) and "plasticity" in material):
-        return named
-    if isinstance(scene.get("stages"), list | tuple):
-        named["stages"] = [
-            {"duration": 1.0, **table}
-            if isinstance(table, Mapping) and not any(map(moves, table.values()))
-            else table
-            for table in named["stages"]
-        ]
+    material, stages = scene.get("material"), named.get("stages")
+    in_time = "friction" in scene or (isinstance(material, Mapping) and "plasticity" in material)
+    for table in stages if isinstance(stages, list) and not in_time else ():
+        if isinstance(table, dict) and not any(map(moves, table.values())):
+            table.setdefault("duration", 1.0)
     return named
 
 

@@ -283,12 +283,12 @@ def given_tensions(scene: SceneSpec) -> Iterator[float]:
 
 
 def edge_pulls(stage: StageSpec) -> Iterator[tuple[str, float]]:
-    """Yield edges whose tension or force a stage gives, and its size (N/m)."""
+    """Yield edges whose force or tension a stage gives, and its size (N/m); the tension last."""
     for name, edge in stage.edges.items():
-        if edge.tension is not None:
-            yield name, edge.tension
         if edge.force is not None:
             yield name, float(np.linalg.norm(edge.force))
+        if edge.tension is not None:
+            yield name, edge.tension
 
 
 def eigenstrain(scene: SceneSpec, shape: NaturalShape) -> float:
@@ -488,9 +488,8 @@ def passing_speed(scene: SceneSpec, stage: StageSpec) -> float:
     """
     if stage.strip.speed is not None:
         return abs(stage.strip.speed)
-    names, speeds = [each.name for each in scene.stages], dict[str, float]()
-    until = names.index(stage.name) if stage.name in names else len(names)
-    for each in (*scene.stages[:until], stage):
+    speeds = dict[str, float]()
+    for each in scene.up_to(stage):
         speeds |= dict(stage_speeds(scene, each))
     return float(np.median(np.abs([*speeds.values()]))) if speeds else 0.0
 

@@ -8,7 +8,7 @@ Material passes a label with c − ∂S/∂t, and v = ∂r/∂t + (c − ∂S/�
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -19,13 +19,12 @@ from scipy.integrate import trapezoid
 from anmstrip.arrays import Array
 from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError
-from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import FieldSpec
 from anmstrip.simulation.defaults import boundary_layer, open_stages, thermal_growth
 from anmstrip.simulation.meshing import (
+    Layout,
     Loads,
     LooseRoller,
-    arcs_in_stages,
     fine_beside,
     lengths_of_runs,
     taken_up,
@@ -70,14 +69,13 @@ class Growth:
     others: tuple[LooseRoller, ...] = ()
 
     @classmethod
-    def of(
-        cls, scene: SceneSpec, thread: Thread, x: Array, others: Sequence[LooseRoller]
-    ) -> Growth:
+    def of(cls, layout: Layout, x: Array) -> Growth:
         """Return the shapes on given lines of nodes, away from where the strip lifts off."""
-        arcs, layer = arcs_in_stages(scene, thread, others), boundary_layer(scene)
+        scene, thread, layer = layout.scene, layout.thread, boundary_layer(layout.scene)
+        assert thread is not None
         ends = [[x[0], x[0]]]
         for roller in thread.rollers:
-            first, last = np.transpose([each[roller.name] for each in arcs])
+            first, last = np.transpose([each[roller.name] for each in layout.arcs])
             beside = fine_beside(layer, wanted_size(scene, roller.radius, layer))
             ends.append([float(first.min()) - beside, float(last.max()) + beside])
         ends.append([x[-1], x[-1]])
@@ -90,7 +88,7 @@ class Growth:
         given = [stage.strip.temperature for stage in open_stages(scene)]
         temperatures = tuple({repr(each): each for each in given if each is not None}.values())
         shapes += [thermal_growth(scene, each, x - x[0]) for each in temperatures]
-        return cls(thread, x, np.stack(shapes, axis=1), temperatures, tuple(others))
+        return cls(thread, x, np.stack(shapes, axis=1), temperatures, tuple(layout.pressed))
 
     @property
     def rollers(self) -> list[Roller]:

@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -24,6 +25,7 @@ from anmstrip.simulation.defaults import (
     bending_stiffness,
     boundary_layer,
     distributed_load,
+    edge_pulls,
     first_yield,
     follows_rollers,
     largest_force,
@@ -115,6 +117,19 @@ With 75 for each, 161 rollers are threaded in 108 tangents instead of 16."""
 CORNER_SHARE, MAX_CORNERS_ACROSS = 0.05, 8
 """A change of slope across is a corner from this share of the largest on; more are a curve."""
 
+FOLLOWED_DRIFT = 0.25
+"""Way of labels over their rollers, over the boundary layer √(D/T), from which on they follow: as
+much as the finest elements are long, so that less hardly matters to the mesh."""
+
+FOLLOWED_PULL = 1e-4
+"""Change of tension by drift over lines of contact, over the tension, from which on labels follow.
+
+One at δ beside the top of a roller of radius r bears its force P aslant, by P δ/r: on thirty hearth
+rolls the tension was off by 1 %."""
+
+HEAT_PLACES = 1000
+"""Places along the way at which it is summed up by how much heat lengthens the strip."""
+
 MAX_FINER = 64.0
 """Largest ``strip.finer``."""
 
@@ -123,31 +138,6 @@ MAX_FINER_STEP = 1.5
 
 MAX_SAMPLES = 1_000_000
 """Most places at which the length of elements is looked at."""
-
-
-def strip_mesh(
-    scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None
-) -> MeshQuad | MeshLine:
-    """Rectangles, or lines of a section, finer over and near the rollers.
-
-    Without ``strip.cells`` see :meth:`Lines.default_zones`.  With it, the fine part covers a
-    quarter of each roller's circumference on both sides of its axis, or the arc on which a threaded
-    strip touches it, and the stretch that is carried over it.  A mesh that stands still, as that of
-    a strip that is fed, is fine where the strip lifts on and off alone, and there it has nodes: a
-    string has corners of its curvature there.  ``strip.finer`` multiplies the numbers of elements.
-    """
-    spec, section = scene.strip, scene.strip.kinematics == "section"
-    length = spec.length if thread is None else thread.length
-    assert spec.width is not None and length is not None
-    lines, across = Lines(scene, rollers, thread, length / 2.0), lines_across(scene)
-    xs = lines.by_default() if spec.cells is None else lines.chosen(spec.cells)
-    count = (len(xs) - 1) * (1 if section else len(across) - 1)
-    if spec.finer is not None and count > MAX_ELEMENTS:
-        expected = f"at most {MAX_ELEMENTS} elements; there would be {count}"
-        raise scene.refused("strip.finer", spec.finer, expected, "finer = 1.0")
-    if spec.kinematics == "shell":
-        fits_into_memory(scene, unknowns_per_line(scene, len(across) - 1) * len(xs))
-    return line(xs) if section else grid(xs, across * spec.width)
 
 
 def fits_into_memory(scene: SceneSpec, unknowns: int) -> None:
@@ -183,14 +173,59 @@ class Zone:
     size: float  # m
 
 
+class Refinement(NamedTuple):
+    """A mesh by default that is finer by a factor."""
+
+    finer: float
+    unknowns: int
+    elements: int
+
+
 @dataclass(frozen=True)
-class Lines:
-    """Lines of nodes across a strip."""
+class Layout:
+    """Rollers and the way of the strip past them, by which its elements are as long as they are.
+
+    Attributes
+    ----------
+    scene : SceneSpec
+    rollers : sequence of Roller
+    thread : Thread or None
+        The way of a threaded strip.
+    """
 
     scene: SceneSpec
     rollers: Sequence[Roller]
     thread: Thread | None
-    half: float  # half the length of the strip (m)
+
+    @cached_property
+    def half(self) -> float:
+        """Half the length of the strip (m)."""
+        length = self.scene.strip.length if self.thread is None else self.thread.length
+        assert length is not None
+        return length / 2.0
+
+    @property
+    def mesh(self) -> MeshQuad | MeshLine:
+        """Rectangles, or lines of a section, finer over and near the rollers.
+
+        Without ``strip.cells`` see :meth:`default_zones`.  With it, the fine part covers a quarter
+        of each roller's circumference on both sides of its axis, or the arc on which a threaded
+        strip touches it, and the stretch that is carried over it.  A mesh that stands still, as
+        that of a strip that is fed, is fine where the strip lifts on and off alone, and there it
+        has nodes: a string has corners of its curvature there.  ``strip.finer`` multiplies the
+        numbers of elements.
+        """
+        scene, spec, across = self.scene, self.scene.strip, lines_across(self.scene)
+        assert spec.width is not None
+        section = spec.kinematics == "section"
+        xs = self.by_default() if spec.cells is None else self.chosen(spec.cells)
+        count = (len(xs) - 1) * (1 if section else len(across) - 1)
+        if spec.finer is not None and count > MAX_ELEMENTS:
+            expected = f"at most {MAX_ELEMENTS} elements; there would be {count}"
+            raise scene.refused("strip.finer", spec.finer, expected, "finer = 1.0")
+        if spec.kinematics == "shell":
+            fits_into_memory(scene, unknowns_per_line(scene, len(across) - 1) * len(xs))
+        return line(xs) if section else grid(xs, across * spec.width)
 
     @property
     def lifts(self) -> list[float]:
@@ -224,16 +259,11 @@ class Lines:
         labels that will pass; on arcs in between they have twice as much.
         """
         scene, thread, zones = self.scene, self.thread, list[Zone]()
-        layer = bending_layer(scene, thread)
-        back, ahead = strip_travel(scene, self.rollers, thread)
-        if contact_stands(scene):
-            back = ahead = 0.0
-        others = pressed_rollers(scene, self.rollers, thread)
-        arcs = () if thread is None else arcs_in_stages(scene, thread, others)
-        pairs = zip(self.rollers, wanted_sizes(scene, self.rollers, thread), strict=True)
+        back, ahead = (0.0, 0.0) if contact_stands(scene) else self.travel
+        pairs = zip(self.rollers, self.wanted_sizes, strict=True)
         for roller, size in pairs if scene.contact is not None else ():
-            margin = fine_beside(layer, size)
-            lifts = np.array([arc[roller.name] for arc in arcs if roller.name in arc])
+            margin = fine_beside(self.bending_layer, size)
+            lifts = np.array([arc[roller.name] for arc in self.arcs if roller.name in arc])
             if not len(lifts):  # anywhere near where the strip passes the roller
                 moves = [stage.rollers.get(roller.name) for stage in scene.stages]
                 ways = [(0.0, 0.0, 0.0), *(m.move for m in moves if m is not None and m.move)]
@@ -245,7 +275,9 @@ class Lines:
             zones += [Zone(float(lo), float(hi), size) for lo, hi in zip(first, last, strict=True)]
             arc = min(2.0 * size, max(size, ARC_ELEMENT * roller.radius))
             zones.append(Zone(float(lifts.min()), float(lifts.max()), arc))
-        if layer := boundary_layer(scene) if bends_at_its_ends(scene) else 0.0:
+        ends = [edge for stage in scene.stages for edge in stage.edges.values()]
+        curved = any(shape.coil_set for shape in scene.shapes) or any(edge.moment for edge in ends)
+        if curved and (layer := boundary_layer(scene)):  # strip curves beside its ends
             size = scene.strip.element_length or 0.5 * LAYER_SHARE * layer
             near = fine_beside(layer, size) - self.half
             zones += [Zone(-self.half, near, size), Zone(-near, self.half, size)]
@@ -258,13 +290,13 @@ class Lines:
         fine = spec.element_length or LAYER_SHARE * boundary_layer(scene) or np.inf
         zones = list[tuple[float, float]]()
         if scene.contact is not None and fine < coarse:
-            zones = fine_zones(scene, self.rollers, thread, half)
+            zones = self.fine_zones(self.rollers)
         graded = list[Zone]()
         if zones and thread is not None and self.lifts:
             near = FINE_LAYERS * max(boundary_layer(scene), fine / LAYER_SHARE)
             others = [r for r in self.rollers if r.name not in thread.arcs]  # they may touch it
             zones = [(x - near, x + near) for x in self.lifts]
-            zones += fine_zones(scene, others, thread, half)
+            zones += self.fine_zones(others)
             graded = [Zone(*zone, fine) for zone in zones]
             graded += [Zone(*thread.arcs[r.name], ARC_ELEMENT * r.radius) for r in thread.rollers]
         self._refuse_more(cells, zones, fine)
@@ -289,46 +321,262 @@ class Lines:
             hint = f"refined = {finest:.1g}" if zones else "cells = [16, 2]"
             raise scene.refused(f"strip.{key}", now, expected, hint)
 
+    def refined(self, longest: float) -> Refinement:
+        """Return a ``strip.finer``, of two digits, with which the shortest elements are that long.
+
+        Meshes are looked at until one does, since elements do not shrink in proportion: marks are
+        nodes, and numbers across are whole.  It is at least what was typed and the usual 1, and at
+        most :data:`MAX_FINER`.
+        """
+        scene, factor = self.scene, max(1.0, mesh_density(self.scene))
+        while True:
+            strip = scene.strip.model_copy(update={"finer": factor})
+            other = scene.model_copy(update={"strip": strip})
+            xs = replace(self, scene=other).by_default()
+            shortest = float(np.diff(xs).min())
+            if shortest <= longest or factor >= MAX_FINER:
+                across = 1 if strip.kinematics == "section" else cells_across(other)
+                unknowns = len(xs) * unknowns_per_line(other, across)
+                return Refinement(factor, unknowns, (len(xs) - 1) * across)
+            step = 10.0 ** (np.floor(np.log10(factor)) - 1.0)
+            wanted = factor * min(shortest / longest, MAX_FINER_STEP)
+            factor = float(step * np.ceil(max(wanted, factor + step) / step - 1e-9))
+            factor = min(round(factor, 9), MAX_FINER)
+
+    @property
+    def contact_parts(self) -> int:
+        """Number of parts with contact points of their own that an element of a section has.
+
+        As many as bear on a roller no deeper than asked for between two points of contact, see
+        :attr:`deepest_bearing`: stiff strip bends little within an element, whose load on a roller
+        must be known all the same.  So must its moment about the roller's axis, which is none,
+        where strip yields along the line on which it touches.
+        """
+        spec = self.scene.strip
+        typed = spec.cells is not None or spec.element_length is not None
+        if spec.kinematics != "section" or spec.mesh is not None or typed:
+            return 1
+        depths = zip(self.deepest_bearing, self.rollers, strict=True)
+        asked = (4.0 * np.sqrt(2.0 * d * r.radius) for d, r in depths)
+        parts = max((h / a for h, a in zip(self.wanted_sizes, asked, strict=True)), default=1.0)
+        hinges = self.bending_layer < boundary_layer(self.scene)
+        least = NIP_PARTS if self.nipping else HINGE_PARTS if hinges else 1.0
+        parts = max(parts, least / mesh_density(self.scene))
+        return int(np.clip(np.ceil(parts), 1, MAX_CONTACT_PARTS))
+
+    @cached_property
+    def wanted_sizes(self) -> list[float]:
+        """Lengths (m) of elements by default over rollers."""
+        scene, layer = self.scene, self.bending_layer
+        pairs = zip(self.rollers, self.deepest_bearing, strict=True)
+        return [
+            wanted_size(scene, r.radius, layer, depth, r.name in self.nipping) for r, depth in pairs
+        ]
+
+    @property
+    def shortest_wanted(self) -> float:
+        """Length (m) of elements by default over the roller where it is shortest."""
+        return min(self.wanted_sizes, default=0.0)
+
+    @cached_property
+    def deepest_bearing(self) -> Array:
+        """Depth (m) by which a flat strip that lies on rollers may bear deeper on each, (rollers,).
+
+        One support of many, a pitch p apart, that sinks by δ loses (15 D/p³ + 4 T/p) δ of its load
+        q p.  Infinite where strip is wound round rollers, resists nothing, or nothing lays it on
+        them.  Strip that first falls meets a softer contact; one that is threaded lies there.
+        """
+        scene, thread, sides = self.scene, self.thread, dict[float, list[float]]()
+        load = distributed_load(scene)
+        for roller in self.rollers:
+            sides.setdefault(np.sign(roller.centre[2]), []).append(roller.centre[0])
+        pitches = [pitch for xs in sides.values() for pitch in np.diff(np.sort(xs)) if pitch > 0.0]
+        wound = thread is not None and thread.middle.arcs.turn.max(initial=0.0) > MAX_LYING_TURN
+        if wound or not load or not pitches:
+            return np.full(len(self.rollers), np.inf)
+        p = min(pitches)
+        stiffness = 15.0 * bending_stiffness(scene) / p**3 + 4.0 * largest_force(scene) / p
+        falls = np.array([abs(r.centre[2]) - r.radius - r.half for r in self.rollers])
+        falls *= thread is None
+        lying = SETTLING_DEPTH * load * p / stiffness if stiffness else np.inf
+        return np.maximum(lying, MIN_FALL_DEPTH * falls)
+
+    @cached_property
+    def bending_layer(self) -> float:
+        """Length (m) in which the strip bends onto its rollers: √(D/T), or less where it yields."""
+        layer, typed = boundary_layer(self.scene), self.scene.strip.element_length is not None
+        return layer if typed or not contact_stands(self.scene) else min(layer, self.hinge_length)
+
+    @cached_property
+    def hinge_length(self) -> float:
+        """Length (m) of the shortest plastic hinge on a roller, infinite without any.
+
+        The moment falls to zero over L, half the run to the next roller or √(3D/T) if that is less.
+        Strip that turns by θ on a roller of radius r begins to yield where the smaller of 3θ/2L and
+        1/r is κ_e, and then bends in a plastic hinge, much shorter than L.
+        """
+        thread, yields = self.thread, first_yield(self.scene)
+        shell = self.scene.strip.kinematics != "section"  # whose layers would be too many
+        if thread is None or yields is None or shell:
+            return np.inf
+        runs, layer = np.diff(thread.middle.starts[:, 0])[::2], boundary_layer(self.scene)
+        falls = np.minimum(0.5 * np.minimum(runs[:-1], runs[1:]), np.sqrt(3.0) * layer)
+        sharpest = 1.0 / np.array([roller.radius for roller in thread.rollers])
+        bends = np.minimum(1.5 * thread.middle.arcs.turn[:, 0] / falls, sharpest)
+        return float(np.min(HINGE_SHARE * falls, where=bends > yields, initial=np.inf))
+
+    @cached_property
+    def nips(self) -> list[list[Nip]]:
+        """Nips at the beginning and at the end of each stage."""
+        thread, thickness = self.thread, self.scene.strip.thickness
+        found = [nips_of(self.rollers, thread, thickness)]
+        for places in rollers_in_stages(self.scene, self.rollers):
+            found.append(found[-1] if places is None else nips_of(places, thread, thickness))
+        return found
+
+    @cached_property
+    def nipping(self) -> set[str]:
+        """Names of rollers that nip the strip in any stage."""
+        return {name for nips in self.nips for nip in nips for name in nip.names}
+
+    @cached_property
+    def pressed(self) -> list[LooseRoller]:
+        """Rollers without a wrap that moves press into fed strip, in any stage; nips do not."""
+        scene, thread, stages = self.scene, self.thread, open_stages(self.scene)
+        if thread is None or not stages:
+            return []
+        moved = {name for stage in stages for name, c in stage.rollers.items() if c.move}
+        loose = moved - set(thread.arcs)
+        if not loose or not (loose := loose - self.nipping):
+            return []
+        found, arcs = list[LooseRoller](), list(thread.arcs.values())
+        for roller in self.rollers:
+            if roller.name in loose and abs(roller.unit_axis[1]) > 0.1:
+                label, sense = thread.passing(axis_crossing(roller))
+                if not any(first <= label <= last for first, last in arcs):
+                    run = sum(last < label for _, last in arcs)
+                    found.append(LooseRoller(roller, run, label, sense))
+        reached = set[str]()
+        for places in rollers_in_stages(scene, [*thread.rollers, *(each.roller for each in found)]):
+            with suppress(NotTouchedError, NoTangentError):
+                wide, _ = threaded_around(thread, found, places)
+                reached |= {roller.name for roller in wide.rollers}
+        return [other for other in found if other.roller.name in reached]
+
+    @cached_property
+    def arcs(self) -> list[dict[str, tuple[float, float]]]:
+        """Arcs of a threaded strip at the beginning and, where rollers move or weight acts, later.
+
+        Where labels follow rollers, the middle of an arc stays where it was.
+        """
+        if (thread := self.thread) is None:
+            return []
+        arcs, taut, others = [thread.arcs], thread, self.pressed
+        here: Sequence[Roller] | None = None
+        places = rollers_in_stages(self.scene, [*thread.rollers, *(each.roller for each in others)])
+        for rollers, loads in zip(places, loads_in_stages(self.scene), strict=True):
+            with suppress(NotTouchedError, NoTangentError):
+                if rollers is not None:
+                    own, here = rollers[: len(thread.rollers)], rollers
+                    taut = replace(thread, rollers=own, given=thread.length)
+                wide = threaded_around(thread, others, here)[0] if others else taut
+                now = {name: arc for name, arc in wide.arcs.items() if name in thread.arcs}
+                if follows_rollers(self.scene) or others:
+                    for name, (first, last) in now.items():
+                        shift = 0.5 * (sum(thread.arcs[name]) - first - last)
+                        now[name] = first + shift, last + shift
+                arcs.append(now)
+                if (runs := hanging_runs(taut, loads))[:, 1:].any():
+                    arcs.append(hanging_arcs(taut, now, runs))
+        return arcs
+
+    @property
+    def follows(self) -> bool:
+        """Whether labels of a fed strip follow their rollers or stay on them.
+
+        They follow rollers that move, also as others are pressed into the strip, and stay where
+        weight, tension or heat lengthens it.
+        """
+        scene, thread, passes = self.scene, self.thread, open_stages(self.scene)
+        if thread is None or not passes:
+            return False
+        if follows_rollers(scene) or self.pressed:
+            return True
+        places = np.linspace(0.0, thread.length, HEAT_PLACES)
+        layer, turns = boundary_layer(scene), np.abs(thread.middle.arcs.turn[:, 0])
+        radii = np.array([roller.radius for roller in thread.rollers])
+        for stage, loads in zip(scene.stages, loads_in_stages(scene), strict=True):
+            if stage not in passes:
+                continue
+            drifts = taken_up(thread, loads, lengths_of_runs(thread)).cumsum()
+            angles = np.abs(hanging_runs(thread, loads)[:, 1:])
+            forces = np.where(turns * radii < layer, turns + angles[1:, 0] + angles[:-1, 1], 0.0)
+            if (given := stage.strip.temperature) is not None:
+                heat = thermal_growth(scene, given, places).cumsum() * places[1]
+                drifts = np.append(drifts, heat)
+            drift = float(np.abs(drifts).max())
+            if drift > FOLLOWED_DRIFT * layer or drift * np.sum(forces / radii) > FOLLOWED_PULL:
+                return True
+        return False
+
+    def fine_zones(self, rollers: Sequence[Roller]) -> list[tuple[float, float]]:
+        """Stretches of strip, in the reference, that come to lie on some of the rollers."""
+        zones, united = [], list[tuple[float, float]]()
+        half, thread = self.half, self.thread
+        threaded = {} if thread is None else thread.arcs
+        margin = 4.0 * min(boundary_layer(self.scene), half)
+        back, ahead = self.travel
+        for roller in rollers:
+            reach = 0.5 * np.pi * roller.radius
+            middle = (
+                roller.centre[0] if thread is None else thread.passing(axis_crossing(roller))[0]
+            )
+            first, last = middle - reach, middle + reach
+            if roller.name in threaded:
+                first, last = threaded[roller.name]
+                first, last = first - margin, last + margin
+            zones.append((max(-half, float(first - ahead)), min(half, float(last + back))))
+        for lo, hi in sorted((lo, hi) for lo, hi in zones if lo < hi):
+            if united and lo <= united[-1][1]:
+                united[-1] = (united[-1][0], max(hi, united[-1][1]))
+            else:
+                united.append((lo, hi))
+        return united
+
+    @property
+    def travel(self) -> tuple[float, float]:
+        """Largest travel of the strip, backwards and forwards (m).
+
+        That of the edges that are held, or of any roller's surface where none is or one is let go:
+        a roller that stands does not hold a strip that others carry over it.  Where only torques
+        drive the strip, its travel is not known, and all of it may pass.  A strip that is fed stays
+        where it is.
+        """
+        scene = self.scene
+        if scene.strip.feed:
+            return 0.0, 0.0
+        held = [edge for edge, spec in scene.edges.items() if spec.fixed]
+        ways = []
+        if not held or any(c.release for stage in scene.stages for c in stage.edges.values()):
+            drives = {roller.drive for roller in scene.rollers}
+            if "torque" in drives and "speed" not in drives:
+                return np.inf, np.inf
+            for roller in self.rollers:
+                sense = carrying_sense(roller, self.thread) * roller.sense
+                own = [surface_speed(s.rollers.get(roller.name), roller) for s in scene.stages]
+                ways.append(_travel(scene, [None if s is None else sense * s for s in own]))
+        else:
+            for edge in held:
+                controls = [stage.edges.get(edge) for stage in scene.stages]
+                speeds = [None if c is None else c.signed_speed for c in controls]
+                ways.append(_travel(scene, speeds))
+        return max((b for b, _ in ways), default=0.0), max((a for _, a in ways), default=0.0)
+
 
 def unknowns_per_line(scene: SceneSpec, across: int) -> int:
     """Return the number of unknowns on a line of nodes with so many elements across."""
     level = scene.strip.kinematics
     return 4 if level == "section" else {"plate": 4, "shell": 12}[level] * (across + 1)
-
-
-class Refinement(NamedTuple):
-    """A mesh by default that is finer by a factor."""
-
-    finer: float
-    unknowns: int
-    elements: int
-
-
-def refinement(
-    scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None, longest: float
-) -> Refinement:
-    """Return a ``strip.finer``, of two digits, with which the shortest elements have a length (m).
-
-    Meshes are looked at until one does, since elements do not shrink in proportion: marks are
-    nodes, and numbers across are whole.  It is at least what was typed and the usual 1, and at most
-    :data:`MAX_FINER`.
-    """
-    length = scene.strip.length if thread is None else thread.length
-    assert length is not None
-    factor, section = max(1.0, mesh_density(scene)), scene.strip.kinematics == "section"
-    while True:
-        strip = scene.strip.model_copy(update={"finer": factor})
-        other = scene.model_copy(update={"strip": strip})
-        xs = Lines(other, rollers, thread, length / 2.0).by_default()
-        shortest = float(np.diff(xs).min())
-        if shortest <= longest or factor >= MAX_FINER:
-            across = 1 if section else cells_across(other)
-            unknowns = len(xs) * unknowns_per_line(other, across)
-            return Refinement(factor, unknowns, (len(xs) - 1) * across)
-        step = 10.0 ** (np.floor(np.log10(factor)) - 1.0)
-        wanted = factor * min(shortest / longest, MAX_FINER_STEP)
-        factor = float(step * np.ceil(max(wanted, factor + step) / step - 1e-9))
-        factor = min(round(factor, 9), MAX_FINER)
 
 
 def lines_across(scene: SceneSpec) -> Array:
@@ -373,43 +621,9 @@ def mesh_density(scene: SceneSpec) -> float:
     return scene.strip.finer or 1.0
 
 
-def contact_parts(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None) -> int:
-    """Return how many parts with contact points of their own an element of a section has.
-
-    As many as bear on a roller no deeper than asked for between two points of contact, see
-    :func:`deepest_bearing`: stiff strip bends little within an element, whose load on a roller
-    must be known all the same.  So must its moment about the roller's axis, which is none, where
-    strip yields along the line on which it touches.
-    """
-    spec = scene.strip
-    typed = spec.cells is not None or spec.element_length is not None
-    if spec.kinematics != "section" or spec.mesh is not None or typed:
-        return 1
-    longest, nipping = wanted_sizes(scene, rollers, thread), nipping_rollers(scene, rollers, thread)
-    depths = deepest_bearing(scene, rollers, thread)
-    asked = (4.0 * np.sqrt(2.0 * d * r.radius) for d, r in zip(depths, rollers, strict=True))
-    parts = max((h / a for h, a in zip(longest, asked, strict=True)), default=1.0)
-    hinges = bending_layer(scene, thread) < boundary_layer(scene)
-    least = NIP_PARTS if nipping else HINGE_PARTS if hinges else 1.0
-    parts = max(parts, least / mesh_density(scene))
-    return int(np.clip(np.ceil(parts), 1, MAX_CONTACT_PARTS))
-
-
 def most_unknowns(rollers: int) -> int:
     """Return how many unknowns a mesh has at most by default, on so many rollers."""
     return max(DEFAULT_UNKNOWNS, UNKNOWNS_PER_ROLLER * rollers)
-
-
-def wanted_sizes(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None) -> list[float]:
-    """Return the lengths (m) of elements by default over rollers."""
-    layer, nipping = bending_layer(scene, thread), nipping_rollers(scene, rollers, thread)
-    pairs = zip(rollers, deepest_bearing(scene, rollers, thread), strict=True)
-    return [wanted_size(scene, r.radius, layer, depth, r.name in nipping) for r, depth in pairs]
-
-
-def shortest_wanted(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None) -> float:
-    """Return the length (m) of elements by default over the roller where it is shortest."""
-    return min(wanted_sizes(scene, rollers, thread), default=0.0)
 
 
 def wanted_size(
@@ -427,54 +641,6 @@ def wanted_size(
         deepest = np.inf  # see contact_parts
     longest = min(NIP_ELEMENT if nips else MAX_LIFT_ELEMENT, 4.0 * np.sqrt(2.0 * deepest / radius))
     return radius * float(np.clip(LAYER_SHARE * layer / radius, MIN_LIFT_ELEMENT, longest))
-
-
-def deepest_bearing(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None) -> Array:
-    """Depth (m) by which a flat strip that lies on rollers may bear deeper on each, (rollers,).
-
-    One support of many, a pitch p apart, that sinks by δ loses (15 D/p³ + 4 T/p) δ of its load q p.
-    Infinite where strip is wound round rollers, resists nothing, or nothing lays it on them.  Strip
-    that first falls meets a softer contact; one that is threaded lies there.
-    """
-    load, sides = distributed_load(scene), dict[float, list[float]]()
-    for roller in rollers:
-        sides.setdefault(np.sign(roller.centre[2]), []).append(roller.centre[0])
-    pitches = [pitch for xs in sides.values() for pitch in np.diff(np.sort(xs)) if pitch > 0.0]
-    wound = thread is not None and thread.middle.arcs.turn.max(initial=0.0) > MAX_LYING_TURN
-    if wound or not load or not pitches:
-        return np.full(len(rollers), np.inf)
-    p = min(pitches)
-    stiffness = 15.0 * bending_stiffness(scene) / p**3 + 4.0 * largest_force(scene) / p
-    falls = np.array([abs(r.centre[2]) - r.radius - r.half for r in rollers])
-    falls *= thread is None
-    lying = SETTLING_DEPTH * load * p / stiffness if stiffness else np.inf
-    return np.maximum(lying, MIN_FALL_DEPTH * falls)
-
-
-def bending_layer(scene: SceneSpec, thread: Thread | None) -> float:
-    """Length (m) in which the strip bends onto its rollers: √(D/T), or less where it yields."""
-    layer = boundary_layer(scene)
-    if scene.strip.element_length is not None or not contact_stands(scene):
-        return layer
-    return min(layer, hinge_length(scene, thread))
-
-
-def hinge_length(scene: SceneSpec, thread: Thread | None) -> float:
-    """Return the length (m) of the shortest plastic hinge on a roller, infinite without any.
-
-    The moment falls to zero over L, half the run to the next roller or √(3D/T) if that is less.
-    Strip that turns by θ on a roller of radius r begins to yield where the smaller of 3θ/2L and
-    1/r is κ_e, and then bends in a plastic hinge, much shorter than L.
-    """
-    yields, section = first_yield(scene), scene.strip.kinematics == "section"
-    if thread is None or yields is None or not section:  # of a shell there would be too many layers
-        return np.inf
-    runs = np.diff(thread.middle.starts[:, 0])[::2]
-    falls = np.minimum(runs[:-1], runs[1:])
-    falls = np.minimum(0.5 * falls, np.sqrt(3.0) * boundary_layer(scene))
-    sharpest = 1.0 / np.array([roller.radius for roller in thread.rollers])
-    bends = np.minimum(1.5 * thread.middle.arcs.turn[:, 0] / falls, sharpest)
-    return float(np.min(HINGE_SHARE * falls, where=bends > yields, initial=np.inf))
 
 
 @dataclass(frozen=True)
@@ -496,7 +662,7 @@ class Nip:
         return float(self.first.half + self.second.half) - self.gap
 
 
-def nips(rollers: Sequence[Roller], thread: Thread | None, thickness: float) -> list[Nip]:
+def nips_of(rollers: Sequence[Roller], thread: Thread | None, thickness: float) -> list[Nip]:
     """Return the rollers that nip a strip, at their centres."""
     if len(rollers) < 2:
         return []
@@ -516,18 +682,6 @@ def nips(rollers: Sequence[Roller], thread: Thread | None, thickness: float) -> 
     return found
 
 
-def nips_in_stages(
-    scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None
-) -> Iterator[list[Nip]]:
-    """Yield the nips at the beginning and at the end of each stage."""
-    found = nips(rollers, thread, scene.strip.thickness)
-    yield found
-    for places in rollers_in_stages(scene, rollers):
-        if places is not None:
-            found = nips(places, thread, scene.strip.thickness)
-        yield found
-
-
 def rollers_in_stages(
     scene: SceneSpec, rollers: Sequence[Roller]
 ) -> Iterator[tuple[Roller, ...] | None]:
@@ -539,18 +693,6 @@ def rollers_in_stages(
             centre = np.add(roller.centre, ways[roller.name])
             places[roller.name] = replace(roller, centre=tuple(centre))
         yield tuple(places.values()) if ways else None
-
-
-def nipping_rollers(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None) -> set[str]:
-    """Return the names of rollers that nip the strip in any stage."""
-    found = (nip for nips in nips_in_stages(scene, rollers, thread) for nip in nips)
-    return {name for nip in found for name in nip.names}
-
-
-def bends_at_its_ends(scene: SceneSpec) -> bool:
-    """Return whether strip curves beside its ends: by a coil set, or a moment there."""
-    ends = [edge for stage in scene.stages for edge in stage.edges.values()]
-    return any(shape.coil_set for shape in scene.shapes) or any(edge.moment for edge in ends)
 
 
 def fine_beside(layer: float, size: float) -> float:
@@ -565,31 +707,6 @@ class LooseRoller(NamedTuple):
     run: int  # number of the rollers before it that the strip is wrapped around
     label: float  # where the strip passes it at the beginning (m)
     sense: float  # +1 if it passes over it or on its left, −1 under or on its right
-
-
-def pressed_rollers(
-    scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None
-) -> list[LooseRoller]:
-    """Return rollers without a wrap that moves press into fed strip, in any stage; nips do not."""
-    if thread is None or not open_stages(scene):
-        return []
-    moved = {name for stage in open_stages(scene) for name, c in stage.rollers.items() if c.move}
-    loose = moved - set(thread.arcs)
-    if not loose or not (loose := loose - nipping_rollers(scene, rollers, thread)):
-        return []
-    found, arcs = list[LooseRoller](), list(thread.arcs.values())
-    for roller in rollers:
-        if roller.name in loose and abs(roller.unit_axis[1]) > 0.1:
-            label, sense = thread.passing(axis_crossing(roller))
-            if not any(first <= label <= last for first, last in arcs):
-                run = sum(last < label for _, last in arcs)
-                found.append(LooseRoller(roller, run, label, sense))
-    reached = set[str]()
-    for places in rollers_in_stages(scene, [*thread.rollers, *(other.roller for other in found)]):
-        with suppress(NotTouchedError, NoTangentError):
-            wide, _ = threaded_around(thread, found, places)
-            reached |= {roller.name for roller in wide.rollers}
-    return [other for other in found if other.roller.name in reached]
 
 
 def threaded_around(
@@ -611,56 +728,28 @@ def threaded_around(
     NotTouchedError, NoTangentError
         A taut strip does not touch one of the thread's rollers, or two of them overlap.
     """
-    at = {roller.name: roller for roller in places or ()}
-    own = zip(thread.rollers, thread.senses, thread.crossing, thread.depths, strict=True)
-    each: list[tuple[tuple[float, float], Roller, float, bool, float, bool]] = [
-        ((k + 0.5, 0.0), at.get(roller.name, roller), *more, True)
-        for k, (roller, *more) in enumerate(own)
-    ]
-    for roller, run, label, sense in others:
-        each.append(((run, label), at.get(roller.name, roller), sense, False, 0.0, False))
-    each.sort(key=lambda entry: entry[0])
-    given = thread.given if places is None else thread.length
+    at, count = {roller.name: roller for roller in places or ()}, len(thread.rollers)
+    rollers = [*thread.rollers, *(other.roller for other in others)]
+    every = replace(
+        thread,
+        rollers=[at.get(roller.name, roller) for roller in rollers],
+        senses=np.append(thread.senses, [other.sense for other in others]),
+        crossing=np.append(thread.crossing, np.zeros(len(others), dtype=bool)),
+        depths=np.append(thread.depths, np.zeros(len(others))),
+        given=thread.given if places is None else thread.length,
+    )
+    way = [*((k + 0.5, 0.0) for k in range(count)), *((each.run, each.label) for each in others)]
+    kept = sorted(range(len(way)), key=way.__getitem__)
     while True:
-        _, rollers, senses, crossing, depths, wrapped = zip(*each, strict=True)
-        arrays = np.array(senses), np.array(crossing), np.array(depths)
-        shape = list(rollers), *arrays, thread.ends, thread.stretches, thread.tension, given
-        now = Thread(*shape, thread.layer, thread.supports)
+        now = every.chosen(kept)
         try:
             now.string_path(np.zeros(1))
         except NotTouchedError as error:
-            if wrapped[error.index]:
+            if kept[error.index] < count:
                 raise
-            del each[error.index]
+            del kept[error.index]
         else:
-            return now, np.array(wrapped)
-
-
-def arcs_in_stages(
-    scene: SceneSpec, thread: Thread, others: Sequence[LooseRoller]
-) -> list[dict[str, tuple[float, float]]]:
-    """Arcs of a threaded strip at the beginning and, where rollers move or weight acts, later on.
-
-    Where labels follow rollers, the middle of an arc stays where it was.
-    """
-    arcs, taut, along = [thread.arcs], thread, follows_rollers(scene) or bool(others)
-    here: Sequence[Roller] | None = None
-    places = rollers_in_stages(scene, [*thread.rollers, *(other.roller for other in others)])
-    for rollers, loads in zip(places, loads_in_stages(scene), strict=True):
-        with suppress(NotTouchedError, NoTangentError):
-            if rollers is not None:
-                own, here = rollers[: len(thread.rollers)], rollers
-                taut = replace(thread, rollers=own, given=thread.length)
-            wide = threaded_around(thread, others, here)[0] if others else taut
-            now = {name: arc for name, arc in wide.arcs.items() if name in thread.arcs}
-            if along:
-                for name, (first, last) in now.items():
-                    shift = 0.5 * (sum(thread.arcs[name]) - first - last)
-                    now[name] = first + shift, last + shift
-            arcs.append(now)
-            if (runs := hanging_runs(taut, loads))[:, 1:].any():
-                arcs.append(hanging_arcs(taut, now, runs))
-    return arcs
+            return now, np.array(kept) < count
 
 
 def hanging_arcs(
@@ -714,17 +803,13 @@ def loads_in_stages(scene: SceneSpec, *after: StageSpec) -> Iterator[Loads]:
     for stage in (*scene.stages, *after):
         if stage.gravity is not None:
             weight = -mass * stage.gravity[2]
-        for name, control in stage.edges.items():
-            if name in pulls and control.tension is not None:
-                pulls[name] = control.tension
-            elif name in pulls and control.force is not None:
-                pulls[name] = float(np.linalg.norm(control.force))
+        pulls |= {name: pull for name, pull in edge_pulls(stage) if name in pulls}
         torques |= {n: c.torque for n, c in stage.rollers.items() if c.torque is not None}
-        gains = {}
-        for roller in scene.rollers:
-            if roller.drive != "speed":
-                turned = roller.bearing - torques.get(roller.name, 0.0)
-                gains[roller.name] = turned / (roller.radius * scene.strip.width)
+        gains = {
+            r.name: (r.bearing - torques.get(r.name, 0.0)) / (r.radius * scene.strip.width)
+            for r in scene.rollers
+            if r.drive != "speed"
+        }
         yield Loads(stiffness, weight, pulls["exit"] or 0.0, pulls["entry"], gains)
 
 
@@ -735,7 +820,7 @@ def pulls_of_runs(thread: Thread, loads: Loads) -> Array:
     by speed they are known from the other end, or taken to be the same.
     """
     path, n = thread.middle, len(thread.rollers)
-    starts, ends = path.points[1, ::2, 0], _ends_of_runs(thread)[1]
+    starts, ends = path.points[1, ::2, 0], path.at(path.starts[1::2, 0], 0)[0][1]
     gains = [loads.gains.get(roller.name) for roller in thread.rollers]
     level, known = loads.exit - loads.weight * ends[-1], list[float]()
     if loads.entry is not None:  # tensions less weight times height, up to the first drive
@@ -752,18 +837,13 @@ def pulls_of_runs(thread: Thread, loads: Loads) -> Array:
     return levels + loads.weight * ends
 
 
-def _ends_of_runs(thread: Thread) -> Array:
-    """Points (m) at which runs end, (2, rollers + 1)."""
-    path = thread.middle
-    return np.stack([path.at(s, 0)[0] for s in path.starts[1::2, 0]], axis=1)
-
-
 def hanging_runs(thread: Thread, loads: Loads) -> Array:
     """Lengths of the runs beyond their chords (m) and their angles to these, (rollers + 1, 3)."""
-    starts, found = thread.middle.points[:, ::2, 0], np.zeros((len(thread.rollers) + 1, 3))
+    path, found = thread.middle, np.zeros((len(thread.rollers) + 1, 3))
     if loads.weight <= 0.0:
         return found
-    ends, pulls = _ends_of_runs(thread), pulls_of_runs(thread, loads)
+    starts, ends = path.points[:, ::2, 0], path.at(path.starts[1::2, 0], 0)[0]
+    pulls = pulls_of_runs(thread, loads)
     for k in np.flatnonzero(pulls > 0.0).tolist():
         run = starts[:, k], ends[:, k]
         found[k] = supported_catenary(*run, loads.weight, pulls[k], thread.supports)
@@ -794,49 +874,6 @@ def _rounded_off(thread: Thread, layer: float, run: int, first: float, last: flo
             room = layer / thread.rollers[roller].radius - 0.5 * abs(float(turns[roller]))
             lost += 0.75 * layer * min(abs(angle), max(0.0, room)) ** 2
     return lost
-
-
-FOLLOWED_DRIFT = 0.25
-"""Way of labels over their rollers, over the boundary layer √(D/T), from which on they follow: as
-much as the finest elements are long, so that less hardly matters to the mesh."""
-
-FOLLOWED_PULL = 1e-4
-"""Change of tension by drift over lines of contact, over the tension, from which on labels follow.
-
-One at δ beside the top of a roller of radius r bears its force P aslant, by P δ/r: on thirty hearth
-rolls the tension was off by 1 %."""
-
-HEAT_PLACES = 1000
-"""Places along the way at which it is summed up by how much heat lengthens the strip."""
-
-
-def follows(scene: SceneSpec, thread: Thread, others: Sequence[LooseRoller]) -> bool:
-    """Return whether labels of a fed strip follow their rollers or stay on them.
-
-    They follow rollers that move, also as others are pressed into the strip, and stay where weight,
-    tension or heat lengthens it.
-    """
-    passes = open_stages(scene)
-    if not passes:
-        return False
-    if follows_rollers(scene) or others:
-        return True
-    places = np.linspace(0.0, thread.length, HEAT_PLACES)
-    layer, turns = boundary_layer(scene), np.abs(thread.middle.arcs.turn[:, 0])
-    radii = np.array([roller.radius for roller in thread.rollers])
-    for stage, loads in zip(scene.stages, loads_in_stages(scene), strict=True):
-        if stage not in passes:
-            continue
-        drifts = taken_up(thread, loads, lengths_of_runs(thread)).cumsum()
-        angles = np.abs(hanging_runs(thread, loads)[:, 1:])
-        forces = np.where(turns * radii < layer, turns + angles[1:, 0] + angles[:-1, 1], 0.0)
-        if (given := stage.strip.temperature) is not None:
-            heat = thermal_growth(scene, given, places).cumsum() * places[1]
-            drifts = np.append(drifts, heat)
-        drift = float(np.abs(drifts).max())
-        if drift > FOLLOWED_DRIFT * layer or drift * np.sum(forces / radii) > FOLLOWED_PULL:
-            return True
-    return False
 
 
 def lengths_of_runs(thread: Thread, own: NDArray[np.bool_] | None = None) -> Array:
@@ -924,30 +961,6 @@ def graded_nodes(
     return np.concatenate(xs)
 
 
-def fine_zones(
-    scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None, half: float
-) -> list[tuple[float, float]]:
-    """Stretches of strip, in the reference, that come to lie on rollers."""
-    zones, united = [], list[tuple[float, float]]()
-    threaded = {} if thread is None else thread.arcs
-    margin = 4.0 * min(boundary_layer(scene), half)
-    back, ahead = strip_travel(scene, rollers, thread)
-    for roller in rollers:
-        reach = 0.5 * np.pi * roller.radius
-        middle = roller.centre[0] if thread is None else thread.passing(axis_crossing(roller))[0]
-        first, last = middle - reach, middle + reach
-        if roller.name in threaded:
-            first, last = threaded[roller.name]
-            first, last = first - margin, last + margin
-        zones.append((max(-half, float(first - ahead)), min(half, float(last + back))))
-    for lo, hi in sorted((lo, hi) for lo, hi in zones if lo < hi):
-        if united and lo <= united[-1][1]:
-            united[-1] = (united[-1][0], max(hi, united[-1][1]))
-        else:
-            united.append((lo, hi))
-    return united
-
-
 def axis_crossing(roller: Roller) -> Array:
     """Point (x, z) in which the axis of a roller crosses the plane y = 0, or its centre."""
     centre, axis = np.asarray(roller.centre, dtype=float), roller.unit_axis
@@ -966,7 +979,8 @@ def carrying_sense(roller: Roller, thread: Thread | None) -> float:
     if thread is None:
         return float(forwards if roller.centre[2] <= 0.0 else -forwards)
     wrapped = dict(zip((r.name for r in thread.rollers), thread.senses, strict=True))
-    return float(forwards * wrapped.get(roller.name, thread.passing(axis_crossing(roller))[1]))
+    sense = wrapped.get(roller.name) or thread.passing(axis_crossing(roller))[1]  # +1 or −1
+    return float(forwards * sense)
 
 
 def surface_speed(control: RollerControl | None, roller: Roller) -> float | None:
@@ -976,36 +990,6 @@ def surface_speed(control: RollerControl | None, roller: Roller) -> float | None
     if control.angular_speed is None:
         return control.surface_speed
     return roller.sense * roller.radius * control.angular_speed
-
-
-def strip_travel(
-    scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None
-) -> tuple[float, float]:
-    """Largest travel of the strip, backwards and forwards (m).
-
-    That of the edges that are held, or of any roller's surface where none is or one is let go: a
-    roller that stands does not hold a strip that others carry over it.  Where only torques drive
-    the strip, its travel is not known, and all of it may pass.  A strip that is fed stays where it
-    is.
-    """
-    if scene.strip.feed:
-        return 0.0, 0.0
-    held = [edge for edge, spec in scene.edges.items() if spec.fixed]
-    ways = []
-    if not held or any(c.release for stage in scene.stages for c in stage.edges.values()):
-        drives = {roller.drive for roller in scene.rollers}
-        if "torque" in drives and "speed" not in drives:
-            return np.inf, np.inf
-        for roller in rollers:
-            sense = carrying_sense(roller, thread) * roller.sense
-            own = [surface_speed(s.rollers.get(roller.name), roller) for s in scene.stages]
-            ways.append(_travel(scene, [None if s is None else sense * s for s in own]))
-    else:
-        for edge in held:
-            controls = [stage.edges.get(edge) for stage in scene.stages]
-            speeds = [None if c is None else c.signed_speed for c in controls]
-            ways.append(_travel(scene, speeds))
-    return max((b for b, _ in ways), default=0.0), max((a for _, a in ways), default=0.0)
 
 
 def _travel(scene: SceneSpec, speeds: list[float | None]) -> tuple[float, float]:

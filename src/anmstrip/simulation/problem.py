@@ -59,19 +59,13 @@ from anmstrip.simulation.defaults import (
     with_defaults,
 )
 from anmstrip.simulation.meshing import (
+    Layout,
     Loads,
     carrying_sense,
     cells_across,
-    contact_parts,
-    deepest_bearing,
-    follows,
     label_at,
     loads_in_stages,
     mesh_density,
-    nipping_rollers,
-    pressed_rollers,
-    shortest_wanted,
-    strip_mesh,
 )
 from anmstrip.simulation.threading import Thread, thread_of
 from anmstrip.taylor.series import record
@@ -281,7 +275,8 @@ class Assembly:
     @property
     def unknowns(self) -> int:
         """Number of all unknowns: these, and the plastic strains."""
-        return self.coupled + (0 if self.frozen is None else len(self.frozen.units))
+        strains = self.plastic_strains(grow=False)
+        return self.coupled + (0 if strains is None else len(strains.units))
 
     @property
     def closed(self) -> bool:
@@ -325,6 +320,11 @@ class Assembly:
         return thread_of(self.scene, rollers, self.origin, length)
 
     @cached_property
+    def layout(self) -> Layout:
+        """Rollers and the way of the strip past them, by which the mesh is chosen."""
+        return Layout(self.scene, self.rollers, self.thread)
+
+    @cached_property
     def laid(self) -> Array:
         """Displacements of a threaded strip before equilibrium, shape (unknowns of it,)."""
         assert self.thread is not None
@@ -333,14 +333,11 @@ class Assembly:
     @cached_property
     def growth(self) -> Growth | None:
         """The strip that runs take up, where labels follow rollers, or stay on them."""
-        if self.thread is None:
-            return None
-        others = pressed_rollers(self.scene, self.rollers, self.thread)
-        if not follows(self.scene, self.thread, others):
+        if not self.layout.follows:
             return None
         from anmstrip.simulation.growth import Growth
 
-        return Growth.of(self.scene, self.thread, np.unique(self.strip.mesh.p[0]), others)
+        return Growth.of(self.layout, np.unique(self.strip.mesh.p[0]))
 
     @property
     def sways(self) -> bool:
@@ -384,12 +381,12 @@ class Assembly:
         """Mesh and basis."""
         spec = self.scene.strip
         if spec.mesh is None:
-            mesh = strip_mesh(self.scene, self.rollers, self.thread)
+            mesh = self.layout.mesh
         else:
             mesh = renumbered(self.mesh_of_file.translated(-self.flat_origin))
         strip = Strip(mesh, spec.thickness, self.material, self.kinematics, spec.width or 1.0)
         strip.origin, strip.flat_origin = self.origin, self.flat_origin
-        strip.contact_parts = contact_parts(self.scene, self.rollers, self.thread)
+        strip.contact_parts = self.layout.contact_parts
         check_geometry(self.scene, strip, self.rollers)
         return strip
 
@@ -488,60 +485,46 @@ class Assembly:
             return own_law(self.scene, "material.plasticity", p, FlowLaw, given)
         return FlowLaw(**given)
 
-    def _plasticity(self, flow: FlowLaw, frozen: bool, along: bool) -> Plasticity:
-        """Return plastic flow that is frozen, in time, or along the strip."""
-        p = self.scene.material.plasticity
-        assert p is not None and self.membrane is not None
-        count = p.layers or DEFAULT_LAYERS[self.scene.strip.kinematics]
-        layers = Layers.of(self.strip.thickness, count)
-        variables = flow.variables(self.kinematics.directions)
-        slopes = upwind_differences(self.strip) if along else None
-        assert isinstance(self.bending, KirchhoffLove)
-        given = self.bending.operator, self.coupled, variables, layers, slopes, not frozen
-        return Plasticity(self.membrane, self.bending, flow, InternalOperator(*given))
-
     @cached_property
-    def frozen(self) -> Plasticity | None:
-        """Plastic strains that do not grow, if the material yields."""
-        return None if self.flow is None else self._plasticity(self.flow, True, False)
-
-    @cached_property
-    def flowing(self) -> Plasticity | None:
-        """Plastic flow in time, if the material yields."""
-        return None if self.flow is None else self._plasticity(self.flow, False, False)
-
-    @cached_property
-    def _flowing_along(self) -> dict[float, Plasticity]:
-        """Plastic flow along the strip, by speeds (m/s)."""
+    def _plastic(self) -> dict[tuple[bool, float | None], Plasticity]:
+        """Plastic strains so far made, by whether they grow, and the strip's speed (m/s)."""
         return {}
 
-    def flowing_along(self, stage: StageSpec) -> Plasticity | None:
-        """Plastic flow along the strip in a stationary state, at its speed at the stage's end.
+    def plastic_strains(self, grow: bool, speed: float | None = None) -> Plasticity | None:
+        """Return plastic strains that are frozen, or grow: in time, or at a speed along the strip.
 
-        A rate that is guessed is that of the fastest speed, and grows with it.
+        Parameters
+        ----------
+        grow : bool
+        speed : float, optional
+            Of the strip in a stationary state (m/s).
         """
-        p = self.scene.material.plasticity
-        if self.flow is None or p is None:
+        flow, p, key = self.flow, self.scene.material.plasticity, (grow, speed)
+        if flow is None or p is None:
             return None
-        speed = fastest(self.scene)
-        if p.reference_rate is not None:
-            speed = passing_speed(self.scene, stage) or speed
-        speed = speed or 1.0
-        if speed not in self._flowing_along:
-            flow = replace(self.flow, rate=self.flow.rate / speed)
-            self._flowing_along[speed] = self._plasticity(flow, False, True)
-        return self._flowing_along[speed]
+        if key not in self._plastic:
+            assert self.membrane is not None and isinstance(self.bending, KirchhoffLove)
+            count = p.layers or DEFAULT_LAYERS[self.scene.strip.kinematics]
+            layers = Layers.of(self.strip.thickness, count)
+            variables, slopes = flow.variables(self.kinematics.directions), None
+            if speed is not None:
+                flow, slopes = replace(flow, rate=flow.rate / speed), upwind_differences(self.strip)
+            given = self.bending.operator, self.coupled, variables, layers, slopes, grow
+            operator = InternalOperator(*given)
+            self._plastic[key] = Plasticity(self.membrane, self.bending, flow, operator)
+        return self._plastic[key]
 
     def plasticity(self, stage: StageSpec) -> Plasticity | None:
-        """Return plastic strains as they grow in a stage, if the material yields."""
-        if not self.yields(stage):
-            return self.frozen
-        return self.flowing_along(stage) if stage.steady else self.flowing
+        """Return plastic strains as they grow in a stage, if the material yields.
 
-    def units(self, stage: StageSpec) -> Array | None:
-        """Return the units of the plastic strains' equations in a stage, if there are any."""
-        effect = self.plasticity(stage)
-        return None if effect is None else effect.units
+        In a stationary state at its speed at the stage's end.  A rate that is guessed is that of
+        the fastest speed, and grows with it.
+        """
+        p, speed = self.scene.material.plasticity, None
+        if p is not None and stage.steady and self.yields(stage):
+            given = p.reference_rate and passing_speed(self.scene, stage)
+            speed = given or fastest(self.scene) or 1.0
+        return self.plastic_strains(self.yields(stage), speed)
 
     @cached_property
     def contact_operator(self) -> ContactOperator:
@@ -712,8 +695,8 @@ class Assembly:
         pressure = c.pressure or max(tension / radius, load)
         element, nips = float(self.strip.cell_sizes[0].min()), False
         if self.scene.strip.cells is None and self.scene.strip.mesh is None:
-            usual = shortest_wanted(self.scene, self.rollers, self.thread)
-            if nips := bool(nipping_rollers(self.scene, self.rollers, self.thread)):
+            usual = self.layout.shortest_wanted
+            if nips := bool(self.layout.nipping):
                 element = usual  # on any mesh: the law makes the force of a gap
             element = max(element, MIN_ONSET_ELEMENT * usual / mesh_density(self.scene))
         parts = 1 if nips else self.strip.contact_parts
@@ -723,8 +706,7 @@ class Assembly:
             onsets = max(1.0, float(np.log(pressure / load)))
             onset = min(onset, FLOATING_SHARE * thickness / onsets)
         if self.thread is not None:
-            depths = deepest_bearing(self.scene, self.rollers, self.thread)
-            onset = min(onset, LYING_ONSET * float(depths.min()))
+            onset = min(onset, LYING_ONSET * float(self.layout.deepest_bearing.min()))
         if self.kinematics.count == 3 and fibres_differ(self.scene):
             stretch = tension / (self.material.young * thickness)
             onset = min(onset, ONSET_STRETCH * stretch * radius * self._spread())
@@ -773,19 +755,18 @@ class Assembly:
             own.append(Foundation(self.strip, stiffness))
         effects: list[Effect] = [effect for effect in own if effect is not None]
         makers = {"force": edge_force, "tension": edge_tension, "moment": edge_moment}
+        laid = self.thread.ends_in_space(self.strip)[2:] if self.thread else ()
+        outward = dict(zip(ENDS, laid, strict=False))
         for control in given:
             edge, _, kind = control.rpartition(".")
             curls = {"strip.coil_set", "strip.crossbow", f"{edge}.moment"}
             curled = kind == "tension" and self.bending and curls & set(given)
-            if self.thread and edge in ENDS and (curled or kind == "unevenness"):
-                outward = self.thread.ends_in_space(self.strip)[2 + ENDS.index(edge)]
-                effects.append(
-                    curled_edge_tension(self.strip, edge, outward)
-                    if curled
-                    else uneven_edge_tension(self.strip, edge, outward, self.scales.tension)
-                )
-                continue
-            if kind in makers:
+            if curled and edge in outward:
+                effects.append(curled_edge_tension(self.strip, edge, outward[edge]))
+            elif kind == "unevenness" and edge in outward:
+                ended = self.strip, edge, outward[edge], self.scales.tension
+                effects.append(uneven_edge_tension(*ended))
+            elif kind in makers:
                 effects.append(makers[kind](self.strip, edge))
             elif kind == "gravity":
                 effects.append((weight if self.growth is None else GrownWeight)(self.strip))

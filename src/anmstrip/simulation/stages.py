@@ -161,7 +161,9 @@ class Course:
             start["strip.passing"] = np.array(before)
             if after != before:
                 slope["strip.passing"] = np.array(after - before)
-        given = a.scales, a.turning, a.conveyed, pull, a.units(stage)
+        strains = a.plasticity(stage)
+        units = None if strains is None else strains.units
+        given = a.scales, a.turning, a.conveyed, pull, units
         return StageProblem(
             name=stage.name,
             start=self.time,
@@ -239,19 +241,12 @@ class Course:
         if not stage.steady or self.assembly.closed:
             return stage.steady
         given = None
-        for each in self._up_to(stage):
+        for each in self.assembly.scene.up_to(stage):
             if each.steady and each.strip.speed is not None:
                 given = "strip.speed"
             elif each.steady and "entry" in each.edges and each.edges["entry"].tension is not None:
                 given = "entry.tension"
         return given == "entry.tension"
-
-    def _up_to(self, stage: StageSpec) -> tuple[StageSpec, ...]:
-        """The stages of the scene up to one, or all of them and one that is not among them."""
-        course = self.assembly.scene.course
-        names = [each.name for each in course]
-        before = course[: names.index(stage.name)] if stage.name in names else course
-        return *before, stage
 
     def _asked_speed(self, stage: StageSpec, roller: Roller) -> float | None:
         """The surface speed (m/s) that a stage asks of a roller, None if none.
@@ -259,8 +254,9 @@ class Course:
         Of a steady one of the scene, which may begin with other speeds than the stage before has
         ended with, the last that was asked for; one of a map goes on from where it has come to.
         """
-        known = stage.steady and any(each.name == stage.name for each in self.assembly.scene.course)
-        stages = self._up_to(stage) if known else (stage,)
+        scene = self.assembly.scene
+        known = stage.steady and any(each.name == stage.name for each in scene.course)
+        stages = scene.up_to(stage) if known else (stage,)
         asked = (surface_speed(each.rollers.get(roller.name), roller) for each in reversed(stages))
         return next((speed for speed in asked if speed is not None), None)
 

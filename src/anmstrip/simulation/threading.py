@@ -189,6 +189,12 @@ class Thread:
         label = x + self.length / 2.0
         return float(np.interp(label, self.stretches.labels, self.stretches.along))
 
+    def chosen(self, numbers: Sequence[int]) -> Thread:
+        """Return the way around some of the rollers, or around all in another order."""
+        rollers, arrays = [self.rollers[k] for k in numbers], ("senses", "crossing", "depths")
+        of_these = {name: getattr(self, name)[list(numbers)] for name in arrays}
+        return replace(self, rollers=rollers, **of_these)
+
     def string_path(self, y: Array) -> StringPath:
         """Paths of the fibres at y, shape (fibres,)."""
         centres, radii = [], []
@@ -213,15 +219,13 @@ class Thread:
         heights : ndarray
             Of the rollers that are touched, on the left of the path (m).
         """
-        thread = replace(self, depths=self.depths + 0.5 * heights)
+        every, kept = replace(self, depths=self.depths + 0.5 * heights), list(range(len(heights)))
         while True:
+            thread = every.chosen(kept)
             try:
-                return thread.string_path(y), heights * thread.senses
+                return thread.string_path(y), heights[kept] * thread.senses
             except NotTouchedError as error:
-                kept = np.arange(len(heights)) != error.index
-                rollers = [r for r, touched in zip(thread.rollers, kept, strict=True) if touched]
-                each = {k: getattr(thread, k)[kept] for k in ("senses", "crossing", "depths")}
-                thread, heights = replace(thread, rollers=rollers, **each), heights[kept]
+                del kept[error.index]
 
     @property
     def heights(self) -> Array:
@@ -437,10 +441,9 @@ def _order_that_fits(scene: SceneSpec, thread: Thread) -> str:
     """Return the order of rollers, two neighbours swapped, in which their sides fit, or nothing."""
     for k in range(len(thread.rollers) - 1):
         order = [*range(k), k + 1, k, *range(k + 2, len(thread.rollers))]
-        rollers = [thread.rollers[j] for j in order]
         with suppress(NotTouchedError, NoTangentError, InputError):
-            _with_ends(scene, replace(thread, rollers=rollers, senses=thread.senses[order]))
-            return ", ".join(roller.name for roller in rollers)
+            way = _with_ends(scene, thread.chosen(order))
+            return ", ".join(roller.name for roller in way.rollers)
     return ""
 
 
