@@ -1315,3 +1315,21 @@ def test_a_belt_is_as_tight_as_it_is_threaded() -> None:
     }  # fmt: skip
     *_, last = Scene.from_tables(line, "belt.toml").run()
     assert last.state.tension("entry") == pytest.approx(1.2e5, rel=1e-3)
+
+
+def test_a_roller_that_presses_on_a_held_end_of_flat_strip() -> None:
+    """As where a drawing counts from the entry, and a rectangle lies about the origin."""
+    tables = {
+        "strip": {"kinematics": "section", "length": 0.2, "width": 1.0, "thickness": 1e-3},
+        "material": {"young": 2.1e11, "poisson": 0.3},
+        "rollers": [{"name": "r", "radius": 0.02, "centre": [0.1, 0.0, 0.0205]}],
+        "edges": {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["z"]}},
+        "stages": [
+            {"name": "press", "rollers": {"r": {"move": [0.0, 0.0, -0.04]}}, "duration": 1.0},
+            {"name": "lift", "rollers": {"r": {"move": [0.0, 0.0, 0.02]}}, "duration": 1.0},
+        ],
+    }  # fmt: skip
+    (told,) = warnings(preview_of(tables))
+    assert "stage press moves r 0.019 m over the exit of the strip at x = 0.1 m" in told
+    tables["rollers"][0]["centre"] = [0.0, 0.0, 0.0205]
+    assert not warnings(preview_of(tables))

@@ -131,30 +131,40 @@ def across(way: Array, axis: Array) -> Array:
 
 
 def roller_over_an_end(preview: Preview) -> Iterator[str]:
-    """Rollers that move over an end of the threaded strip which is held at its place."""
-    threading, thread = preview.assembly.scene.threading, preview.assembly.thread
-    if threading is None or threading.closed or thread is None:
+    """Rollers that move over an end of the strip which is held at its place."""
+    assembly, edges = preview.assembly, preview.assembly.scene.edges
+    if assembly.closed:
         return
-    places, _ = thread.middle.at(np.array([0.0, float(thread.middle.length[0])]), 0)
-    edges = preview.assembly.scene.edges
-    held = {name for name in ENDS if name in edges and {"x", "z"} <= set(edges[name].fixed)}
+    span = np.array(assembly.strip.span) + assembly.origin[0]
+    places, components, where = np.array([span, np.zeros(2)]), {"z"}, " at x = {:g} m"
+    if assembly.thread is not None:
+        middle, components, where = assembly.thread.middle, {"x", "z"}, ""
+        places, _ = middle.at(np.array([0.0, float(middle.length[0])]), 0)
+    held = {name for name in ENDS if name in edges and components <= set(edges[name].fixed)}
     for plan, stage in zip(preview.plans, preview.stages, strict=True):
         held -= {name for name, edge in stage.edges.items() if edge.release}
-        for roller in preview.assembly.rollers:
+        for roller in assembly.rollers:
             centre = f"rollers.{roller.name}.centre"
-            moves = np.any(plan.controls.slope.get(centre, 0.0))
+            if not np.any(plan.controls.slope.get(centre, 0.0)):
+                continue
             for name, (x, z) in zip(ENDS, places.T, strict=True):
-                if name not in held or not moves:
-                    continue
-                way = plan.controls.at(1.0)[centre] - np.array([x, 0.0, z])
-                way = across(way, roller.unit_axis)
-                inside = roller.radius - float(np.linalg.norm(way))
-                if inside > GRAZING_DEPTH * roller.radius:
-                    shorter = shorter_move(plan, roller, way, CLEARANCE * roller.radius)
+                end = np.array([x, 0.0, z])
+                ways = [
+                    across(plan.controls.at(share)[centre] - end, roller.unit_axis)
+                    for share in np.linspace(0.0, 1.0, MOVE_SAMPLES)
+                ]
+                depths = [roller.radius - float(np.linalg.norm(way)) for way in ways]
+                grazing, inside = GRAZING_DEPTH * roller.radius, max(depths)
+                if name in held and depths[0] < grazing < inside:
+                    shorter = shorter_move(plan, roller, ways[-1], CLEARANCE * roller.radius)
                     yield (
                         f"stage {plan.name} moves {roller.name} {inside:.2g} m over the {name} of "
-                        f"the strip. Try {shorter}"
+                        f"the strip{where.format(x)}. Try {shorter}"
                     )
+
+
+MOVE_SAMPLES = 21
+"""Places of a roller on its way at which it is looked at."""
 
 
 def shorter_move(plan: StageProblem, moved: Roller, way: Array, apart: float) -> str:

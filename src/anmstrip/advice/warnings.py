@@ -116,7 +116,10 @@ def serious(preview: Preview) -> list[str]:
 def serious_as_meant(preview: Preview) -> list[str]:
     """Return the same of a scene in which no value is likely to be in another unit."""
     if preview.tension == 0.0:  # the others compare with it
-        rules = (unheld_strip, physics.roller_beyond_strip, physics.tips_over)
+        rules = (
+            *(unheld_strip, physics.roller_beyond_strip, physics.roller_over_an_end),
+            *(physics.meeting_rollers, physics.rollers_without_friction, physics.tips_over),
+        )
         return [told for rule in rules for told in rule(preview)]
     return [told for rule in SERIOUS_RULES for told in rule(preview)]
 
