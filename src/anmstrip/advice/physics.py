@@ -135,8 +135,8 @@ def roller_over_an_end(preview: Preview) -> Iterator[str]:
     assembly, edges = preview.assembly, preview.assembly.scene.edges
     if assembly.closed:
         return
-    span = np.array(assembly.strip.span) + assembly.origin[0]
-    places, components, where = np.array([span, np.zeros(2)]), {"z"}, " at x = {:g} m"
+    places, components = np.array([assembly.strip.span, (0.0, 0.0)]), {"z"}
+    where = " at x = {:g} m"
     if assembly.thread is not None:
         middle, components, where = assembly.thread.middle, {"x", "z"}, ""
         places, _ = middle.at(np.array([0.0, float(middle.length[0])]), 0)
@@ -159,7 +159,7 @@ def roller_over_an_end(preview: Preview) -> Iterator[str]:
                     shorter = shorter_move(plan, roller, ways[-1], CLEARANCE * roller.radius)
                     yield (
                         f"stage {plan.name} moves {roller.name} {inside:.2g} m over the {name} of "
-                        f"the strip{where.format(x)}. Try {shorter}"
+                        f"the strip{where.format(x + assembly.origin[0])}. Try {shorter}"
                     )
 
 

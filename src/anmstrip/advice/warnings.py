@@ -590,11 +590,12 @@ def coarse_hinges(preview: Preview) -> Iterator[str]:
     scene, assembly = preview.assembly.scene, preview.assembly
     wanted = LAYER_SHARE * assembly.layout.hinge_length
     finest = float(assembly.strip.cell_sizes[0].min())
+    other = "" if contact_stands(scene) else " or steady stages alone"
     if finest > COARSE_RATIO * wanted:
         yield (
             f"strip yields on its rollers in hinges {wanted / LAYER_SHARE:.2g} m long, but the "
             f"shortest elements have {finest:.2g} m: what is left of bends may be wrong by tens of "
-            f"per cent. Try {finer_mesh(scene, wanted)} or steady stages alone"
+            f"per cent. Try {finer_mesh(scene, wanted)}{other}"
         )
 
 

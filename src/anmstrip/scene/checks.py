@@ -314,9 +314,10 @@ def tables_of_temperature(
         if not given:
             expected = "no table without a temperature: strip.temperature, or that of a stage"
             yield Mistake("", f"material.{key}", pairs, expected, "strip.temperature = 80.0")
-        elif coldest < pairs[0][0]:
+            continue
+        if coldest < pairs[0][0]:
             wider.insert(0, [coldest, pairs[0][1]])
-        elif warmest > pairs[-1][0]:
+        if warmest > pairs[-1][0]:
             wider.append([warmest, pairs[-1][1]])
         if len(wider) > len(pairs):
             expected = f"pairs from the coldest strip to the warmest, {coldest:g} to {warmest:g} K"
