@@ -746,8 +746,8 @@ ESTIMATES = (
     ),
     Mutant(
         "scale of forces without the width",
-        "tension * self.strip.width, tension)",
-        "tension, tension)",
+        "tension * self.strip.width, tension, yielding)",
+        "tension, tension, yielding)",
         "explain",
     ),
     Mutant(

@@ -686,3 +686,23 @@ def test_rollers_may_have_the_names_of_ends() -> None:
     other = {"duration": 1.0, "rollers": {"entry": {"surface_speed": 2.0}}}
     law = Assembly(Scene.model_validate(LINE | {"rollers": [named], "stages": [other]})).friction
     assert law is not None and law.speed == speed(turn)
+
+
+def test_strip_that_its_exit_pulls_is_fine_where_it_will_pass() -> None:
+    """Though its entry is let go, and no roller turns: r/8 over all labels that pass."""
+    tables = {
+        "strip": {"kinematics": "section", "width": 0.5, "thickness": 5e-4, "feed": False},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "friction": {"coefficient": 0.3},
+        "threading": {"tension": 2e3, "entry": [-4.0, 0.0, 0.0], "exit": [3.0, 0.0, -0.7]},
+        "rollers": [{"name": "bar", "radius": 0.3, "centre": [0.0, 0.0, -0.3], "wrap": "over"}],
+        "edges": {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["x", "z"]}},
+        "stages": [{"name": "pull", "duration": 4.0, "entry": {"release": True},
+                    "exit": {"speed": 0.6}}],
+    }  # fmt: skip
+    line = Assembly(Scene.from_tables(tables, "pulled.toml"))
+    assert line.layout.travel == pytest.approx((0.0, 1.2))
+    first, last = line.thread.arcs["bar"]
+    nodes = line.strip.mesh.p[0]
+    passing = np.sort(nodes[(nodes > first - 1.2) & (nodes < last)])
+    assert np.diff(passing).max() < 1.05 * 0.3 / 8.0

@@ -28,7 +28,7 @@ from anmstrip.mechanics.string_path import (
 )
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, EdgeSpec
-from anmstrip.simulation.defaults import bending_stiffness, largest_force
+from anmstrip.simulation.defaults import bending_stiffness, largest_force, tension_of_moves
 from anmstrip.simulation.meshing import axis_crossing
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course, uniform_stretch
@@ -336,8 +336,9 @@ def flat_states(
         for key in ("tension", "force")
     )
     if first:
-        slack = 0.0 if assembly.scene.strip.bending else min(most, assembly.scales.tension)
-        tension = max(along + pulls) or slack
+        bends = assembly.scene.strip.bending
+        drawn = tension_of_moves(assembly.scene) if bends else assembly.scales.tension
+        tension = max(along + pulls) or min(most, drawn)
         yield plan, uniform_stretch(assembly, tension, end)
         return
     effects = [effect for effect in plan.model.effects if not effect.by_roller]

@@ -25,7 +25,7 @@ from anmstrip.taylor.series import taylor_series
 MIN_EVENT_ORDER = 8
 """Least order of the series of gap and slip; those of a parabola end long before."""
 
-ROUND_OFF = 1e-9
+BEGINNING_SHARE = 1e-9
 """Share of a stage by which the time of its beginning may be off."""
 
 NEVER = 1e150
@@ -63,7 +63,7 @@ class Stretch:
             u = np.pad(u, [(0, state.step.order - 1), (0, 0)])
             u[:, free] = state.step.series
         v, start = state.velocity, before.velocity
-        if start is None or (begin < ROUND_OFF and moves_otherwise(before, plan)):
+        if start is None or (begin < BEGINNING_SHARE and moves_otherwise(before, plan)):
             start = v
         return cls(u, np.stack([start, v - start]), control, 1.0)
 

@@ -403,8 +403,8 @@ def with_implied_tables(scene: Mapping[str, Any]) -> dict[str, Any]:
 
     Examples
     --------
-    >>> with_implied_tables({"rollers": [{"radius": 1.0}, {"name": "big"}, {}]})
-    {'rollers': [{'name': 'r1', 'radius': 1.0}, {'name': 'big'}, {'name': 'r3'}]}
+    >>> with_implied_tables({"rollers": [{"radius": 1.0}, {"name": "big"}]})
+    {'rollers': [{'name': 'r1', 'radius': 1.0}, {'name': 'big'}], 'contact': {}}
     """
     named = dict(scene)
     if scene.get("contact") is None and (scene.get("rollers") or "friction" in scene):

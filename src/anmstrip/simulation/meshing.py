@@ -547,17 +547,22 @@ class Layout:
     def travel(self) -> tuple[float, float]:
         """Largest travel of the strip, backwards and forwards (m).
 
-        That of the edges that are held, or of any roller's surface where none is or one is let go:
-        a roller that stands does not hold a strip that others carry over it.  Where only torques
-        drive the strip, its travel is not known, and all of it may pass.  A strip that is fed stays
-        where it is.
+        That of the edges that stay held, or of any roller's surface where none is held, or one is
+        let go and the other stands: a roller that stands does not hold a strip that others carry
+        over it.  Where only torques drive the strip, its travel is not known, and all of it may
+        pass.  A strip that is fed stays where it is.
         """
         scene = self.scene
         if scene.strip.feed:
             return 0.0, 0.0
-        held = [edge for edge, spec in scene.edges.items() if spec.fixed]
+        held = {edge for edge, spec in scene.edges.items() if spec.fixed}
+        free = {name for stage in scene.stages for name, c in stage.edges.items() if c.release}
         ways = []
-        if not held or any(c.release for stage in scene.stages for c in stage.edges.values()):
+        for edge in held - free:
+            controls = [stage.edges.get(edge) for stage in scene.stages]
+            speeds = [None if c is None else c.signed_speed for c in controls]
+            ways.append(_travel(scene, speeds))
+        if (not held or free) and not any(map(any, ways)):
             drives = {roller.drive for roller in scene.rollers}
             if "torque" in drives and "speed" not in drives:
                 return np.inf, np.inf
@@ -565,11 +570,6 @@ class Layout:
                 sense = carrying_sense(roller, self.thread) * roller.sense
                 own = [surface_speed(s.rollers.get(roller.name), roller) for s in scene.stages]
                 ways.append(_travel(scene, [None if s is None else sense * s for s in own]))
-        else:
-            for edge in held:
-                controls = [stage.edges.get(edge) for stage in scene.stages]
-                speeds = [None if c is None else c.signed_speed for c in controls]
-                ways.append(_travel(scene, speeds))
         return max((b for b, _ in ways), default=0.0), max((a for _, a in ways), default=0.0)
 
 
