@@ -665,15 +665,15 @@ class Assembly:
     def signorini(self) -> ContactLaw:
         """The scene's contact law.
 
-        Left open, it is graded: p₀ is the pressure of the taut strip on its rollers, by the mean of
-        log(r) over their wraps, with which the strip is as long as it lies on all of them, or its
-        weight or the pressure on it if that is more; and the onset is the gap that a straight
+        Left open, it is graded: p₀ is the pressure of the taut strip on its rollers, or its
+        weight or the pressure on it if that is more, and the onset is the gap that a straight
         strip has half a spacing of contact points beyond where it lifts off.  It is that at a
         whole spacing where elements have several parts: the load of a roller then does not change
         by 17 %, but by 1e-4, as points pass it, and a plate takes half as many tangents.  Where
         only weight or pressure presses, q, the strip floats w log(p₀/q) high, which must be a
         small share of its thickness.  Where tension varies across, by rollers, heat or flatness, a
-        gap stretches fibres by its share of the radius, which must not be seen beside T/(E t).
+        gap stretches fibres by its share of the radius, which must not be seen beside T/(E t).  A
+        belt is as long as on its rollers if that pressure is by the mean of log(r) over its wraps.
         """
         c = self.scene.contact
         assert c is not None
@@ -685,10 +685,11 @@ class Assembly:
             return RepulsiveSignorini(*c.constants)
         tension = largest_force(self.scene) or tension_of_moves(self.scene)
         thickness = self.strip.thickness
-        turns = [self.thread.turns.get(r.name, 0.0) for r in self.rollers] if self.thread else []
-        weights = np.abs(turns) if any(turns) else None
+        turns, thread = np.ones(len(self.rollers)), self.thread
+        if thread is not None and self.closed:
+            turns = np.abs([thread.turns.get(roller.name, 0.0) for roller in self.rollers])
         logarithms = np.log([roller.radius for roller in self.rollers])
-        radius = float(np.exp(np.average(logarithms, weights=weights)))
+        radius = float(np.exp(np.average(logarithms, weights=turns)))
         load = distributed_load(self.scene)
         if tension == load == 0.0:
             tension = self.scales.tension
