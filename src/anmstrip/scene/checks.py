@@ -259,8 +259,8 @@ def released_for_good(edges: Edges, stages: Stages) -> Iterator[Mistake]:
             if control.release:
                 by.setdefault(name, stage.name)
                 if name not in edges or not edges[name].fixed:
-                    expected = "nothing: this edge is not held, so there is nothing to let go"
-                    hint = f'nothing; take it out, or [edges.{name}]\nfixed = ["x", "z"]'
+                    expected = "no release: this edge is not held, so there is nothing to let go"
+                    hint = f'[edges.{name}]\nfixed = ["x", "z"]'
                     yield Mistake("", f"stages.{stage.name}.{name}.release", True, expected, hint)
             elif name in by and "release" in control.model_fields_set:
                 expected = f"nothing: stage {by[name]} lets this edge go for good"
