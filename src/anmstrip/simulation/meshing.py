@@ -909,14 +909,18 @@ def contact_stands(scene: SceneSpec) -> bool:
 
 
 def passes_in_time(scene: SceneSpec) -> bool:
-    """Whether strip runs over rollers in a stage in time; labels of a steady one stay."""
-    speeds = dict[str, float]()
+    """Whether strip may run over rollers in a stage in time; labels of a steady one stay.
+
+    A stage in time before or after a steady one counts if something turns in it.
+    """
+    speeds, steady = dict[str, float](), any(stage.steady for stage in scene.stages)
     for stage in scene.stages:
         before = any(speeds.values())
         speeds |= {"strip": stage.strip.speed or speeds.get("strip", 0.0)}
         speeds |= dict(stage_speeds(scene, stage))
         speeds |= {f"{n}.torque": c.torque for n, c in stage.rollers.items() if c.torque}
-        if stage.friction and not stage.steady and (before or any(speeds.values())):
+        runs = before or any(speeds.values()) or not steady
+        if stage.friction and not stage.steady and runs:
             return True
     return False
 
