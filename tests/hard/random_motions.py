@@ -137,7 +137,7 @@ def _moved(tables: dict[str, Any], distance: float) -> None:
         }  # fmt: skip
 
 
-def ending_of(motion: Motion, most: int = SECONDS) -> Ending:
+def ending_of(motion: Motion, most: int | None = None) -> Ending:
     """Run a line, and compare its tensions with statics."""
     begin, run = time.process_time(), None
 
@@ -180,7 +180,7 @@ def main() -> None:
     kinds: Counter[str] = Counter()
     for seed in range(given.seed, given.seed + given.count):
         drawing = motion(seed)
-        ending = ending_of(drawing)
+        ending = ending_of(drawing, SECONDS)
         kinds[ending.kind] += 1
         strip, friction = drawing.tables["strip"], drawing.tables["friction"]
         level = strip["kinematics"] if strip["bending"] else "string"

@@ -431,7 +431,7 @@ class Ending:
     words: str = ""
 
 
-def ending_of(course: Course, most: int = SECONDS, directory: Path | None = None) -> Ending:
+def ending_of(course: Course, most: int | None = None, directory: Path | None = None) -> Ending:
     """Run a line, written if there is a directory, and look at the end of each of its stages."""
     begin, run, wrong = time.process_time(), None, list[str]()
     last: State | None = None
@@ -530,7 +530,7 @@ def main() -> None:
     kinds: Counter[str] = Counter()
     for seed in range(given.seed, given.seed + given.count):
         course = drawn(seed)
-        ending = ending_of(course)
+        ending = ending_of(course, SECONDS)
         kinds[ending.kind] += 1
         words = "" if ending.kind in ("right", "warned") else ending.words[:700]
         print(

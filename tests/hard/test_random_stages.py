@@ -15,7 +15,7 @@ from random_stages import drawn, ending_of
 
 @pytest.mark.parametrize("seed", [0, 5])
 def test_random_stages_end_by_statics(seed: int) -> None:
-    ending = ending_of(drawn(seed), most=10**6)
+    ending = ending_of(drawn(seed))
     assert ending.kind == "right", ending
 
 
@@ -23,7 +23,7 @@ def test_random_stages_end_by_statics(seed: int) -> None:
 @pytest.mark.parametrize("seed", [2, 6, 7, 8, 14, 22, 30, 34])
 def test_more_random_stages_end_by_statics(seed: int) -> None:
     """Lines driven, fed, slipping, and with a roller moved at a standstill and in motion."""
-    ending = ending_of(drawn(seed), most=10**6)
+    ending = ending_of(drawn(seed))
     assert ending.kind == "right", ending
 
 
@@ -31,7 +31,7 @@ def test_more_random_stages_end_by_statics(seed: int) -> None:
 @pytest.mark.parametrize("seed", [18, 67])
 def test_random_stages_of_shells_are_written_to_their_end(seed: int, tmp_path: Path) -> None:
     """With their errors, modes and warnings, which a run without a directory does without."""
-    ending = ending_of(drawn(seed), most=10**6, directory=tmp_path)
+    ending = ending_of(drawn(seed), directory=tmp_path)
     assert ending.kind == "right", ending
     summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
     assert summary["errors"]["mesh"]["tension"] > 0.0
@@ -141,7 +141,7 @@ def test_slip_that_turns_round_everywhere_is_stepped_over() -> None:
 @pytest.mark.parametrize("seed", [1027, 2019])
 def test_slip_that_begins_or_turns_round_takes_few_tangents(seed: int) -> None:
     """A roller moved at a standstill, rollers that turn round: 2 979 and 1 140 when resolved."""
-    ending = ending_of(drawn(seed), most=10**6)
+    ending = ending_of(drawn(seed))
     assert ending.kind == "right", ending
     assert ending.tangents < 300
 
