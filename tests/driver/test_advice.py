@@ -138,6 +138,7 @@ PLATE = {  # which nothing holds but the rollers that carry it on
          "rollers": {f"r{k + 1}": {"surface_speed": 1.0} for k in range(len(PLACES))}},
     ],
 }  # fmt: skip
+LIFTED = merged(PLATE, rollers=[{"radius": 0.15, "centre": [x, 0.0, -0.155]} for x in PLACES])
 ABOVE = merged(PLATE, rollers=[{"radius": 0.15, "centre": [x, 0.0, -0.1505]} for x in PLACES])
 TIPPING = merged(  # drawn as if the plate began at x = 0
     PLATE,
@@ -303,7 +304,7 @@ MORE: list[tuple[dict[str, Any], str, list[str]]] = [
     (changed(("rollers.0.centre", [0.0, 0.0, 0.4]), ("stages.1.entry.tension", 4e4)),
      "the strip runs away", ["friction.coefficient=0.5"]),
     (CAPSTAN, "and on 90° of wrap friction holds 1.26 times", ["friction.coefficient=0.45"]),
-    (PLATE, "in stage settle nothing holds the strip in x", []),
+    (LIFTED, "in stage settle nothing holds the strip in x", []),
     (BENT, "bending over a gives 275 MPa", ["material.plasticity={}"]),
     (BENT, "bending over a gives 275 MPa", ["rollers.a.radius=0.56"]),
     (CAPSTAN, "there is no stationary state", ["stages.run.entry.tension=8.8e3"]),
@@ -364,6 +365,15 @@ def test_what_is_told_before_a_run_is_cured_by_what_is_typed(
     assert not [line for line in told(tables, settings) if line.startswith(begin)]
     scene = Scene.from_tables(tables, "line.toml", settings)
     assert not done(repr(scene.to_dict()))
+
+
+def test_a_plate_that_rubs_from_the_start_needs_no_hold() -> None:
+    """Friction under its own weight holds it as it settles, and carries it on."""
+    assert not told(PLATE)
+    run = Run(Scene.from_tables({**PLATE, "stages": PLATE["stages"][:1]}, "plate.toml"))
+    *_, last = run
+    assert run.outcome.done, run.message
+    assert abs(last.state.full).max() < 1e-3 * PLATE["strip"]["length"]
 
 
 def test_an_idler_on_which_nothing_rubs_stands() -> None:
@@ -467,7 +477,7 @@ def test_a_run_that_stops_is_done_with_what_is_typed(rule: str) -> None:
 def test_a_plate_that_is_held_to_settle_is_let_go_where_rollers_turn() -> None:
     """It then is carried as they turn, 0.25 m, and slips on none of those that it lies on."""
     advice = ['edges.entry.fixed=["x"]', "stages.carry.entry.release=true"]
-    for tables in (PLATE, ABOVE):  # where it touches its rollers, and where not yet
+    for tables in (ABOVE, LIFTED):  # where it touches its rollers, and where not yet
         begun = ended(tables, most=20)
         assert begun.state is not None
         stopped = Failure(begun.assembly, begun.scene.course[0], begun.state, stalled())
@@ -477,10 +487,11 @@ def test_a_plate_that_is_held_to_settle_is_let_go_where_rollers_turn() -> None:
         assert run.outcome.done and run.state is not None
         lying = [r for r in run.state.rollers.values() if r.normal_force > 100.0]
         assert len(lying) > 2 and max(r.max_slip for r in lying) < 1e-3
-    together = merged(PLATE, stages=[{**PLATE["stages"][1], **PLATE["stages"][0]}])
+    together = merged(LIFTED, stages=[{**PLATE["stages"][1], **PLATE["stages"][0]}])
     (found,) = [line for line in told(together) if "nothing holds" in line]
     assert "turn the rollers in a later stage, with entry.release = true there" in found
-    (found,) = [line for line in told(merged(PLATE, stages=PLATE["stages"][:1])) if "holds" in line]
+    settling = told(merged(LIFTED, stages=PLATE["stages"][:1]))
+    (found,) = [line for line in settling if "holds the strip in x" in line]
     assert found.endswith("""Try --set 'edges.entry.fixed=["x"]'""")
 
 

@@ -31,6 +31,7 @@ from anmstrip.advice.units import typed_vector
 from anmstrip.advice.warnings import (
     against_section,
     below_round_off,
+    carries_itself,
     finer_mesh,
     serious,
     slides,
@@ -367,6 +368,7 @@ def slack(failure: Failure) -> str | None:
     forces = membrane.at(failure.state.full, failure.state.controls)
     mean = forces.reshape(*forces.shape[:2], strip.mesh.nelements, -1).mean(axis=3)
     least = np.linalg.eigvalsh(np.moveaxis(mean, 2, 0))[:, 0]
+    seen = seen_before(failure)
     euler = np.pi**2 * strip.bending_stiffness if failure.scene.strip.bending else 0.0
     bearable = euler / (4.0 * strip.cell_sizes[0]) ** 2
     worst = int(np.argmin(least + bearable))
@@ -374,8 +376,9 @@ def slack(failure: Failure) -> str | None:
         nodes, threaded = strip.mesh.t[:, worst], failure.assembly.thread is not None
         at = place_of(nodes, failure.state, threaded)
         found = f"pressed at {at} with {-least[worst]:.3g} N/m, and buckles"
-    elif mean[0, 0].max() < euler / strip.length**2 or (
-        failure.stopped.outcome is Outcome.SINGULAR and not forces.any()
+    elif not carries_itself(seen, seen.plans[-1], seen.strings[-1].span) and (
+        mean[0, 0].max() < euler / strip.length**2
+        or (failure.stopped.outcome is Outcome.SINGULAR and not forces.any())
     ):
         found = "under no tension, which is what holds a thin strip in shape"
         if not failure.scene.strip.bending:
@@ -385,7 +388,7 @@ def slack(failure: Failure) -> str | None:
             )
     else:
         return None
-    crooked = next(slack_edge(seen_before(failure)), "")
+    crooked = next(slack_edge(seen), "")
     cure = uneven_heat(failure, -least[worst]) or as_sentence(crooked) or more_tension(failure)
     return f"The strip is {found}. {cure}"
 

@@ -19,6 +19,7 @@ from anmstrip.advice.preview import NEGLIGIBLE_BEARING, Preview, free_motions, u
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import KINEMATICS, Kinematics
 from anmstrip.fem.sampling import quadrature_points
+from anmstrip.mechanics.contact import Friction
 from anmstrip.mechanics.roller import Roller
 from anmstrip.results.plastic import MeanFlow
 from anmstrip.results.rollers import RUNNING_SLIP, ContactState
@@ -184,14 +185,25 @@ def slack_start(preview: Preview) -> Iterator[str]:
 def unheld_strip(preview: Preview) -> Iterator[str]:
     """A flat strip that no edge holds along itself, in a first stage in time.
 
-    Friction does not hold it there even where it touches rollers: loads, which press it on them,
-    grow from zero.
+    Friction does not hold it there before it touches a roller.
     """
     scene, first = preview.assembly.scene, preview.plans[0]
     along = 0 in preview.assembly.kinematics.components
     held = preview.assembly.thread is not None or any("x" in e.fixed for e in scene.edges.values())
-    if first.in_time and along and not held:
+    if first.in_time and along and not held and not rubs_at_once(first):
         yield f"in stage {first.name} {unheld_words(scene, first.name, 'x')}"
+
+
+def rubs_at_once(plan: StageProblem) -> bool:
+    """Whether strip touches a roller on which it rubs before anything of a stage acts."""
+    full = plan.supports.full(np.zeros(len(plan.supports.free)), 0.0)
+    rubbing = (effect for effect in plan.model.effects if isinstance(effect, Friction))
+    return any(
+        bool(
+            np.any(effect.contact.gap((full, full), plan.controls.at(0.0)) < effect.contact.reaches)
+        )
+        for effect in rubbing
+    )
 
 
 def released_strip(preview: Preview) -> Iterator[str]:
@@ -246,6 +258,22 @@ def lifted_off(state: State, scene: SceneSpec) -> Iterator[str]:
                 f"roller {roller.name} is touched by nothing: {here if led_away else bent}. "
                 f"Try another rollers.{roller.name}.centre, if it should"
             )
+
+
+def undriven(state: State, scene: SceneSpec) -> Iterator[str]:
+    """Steady strip that comes to some speed: no roller that is driven by speed touches it."""
+    free, speed = state.plan.supports.free, state.strip_speed
+    if not state.plan.steady or state.plan.model.coupled - 1 not in free:
+        return
+    driven = [spec.name for spec in scene.rollers if spec.drive == "speed"]
+    touching = [
+        name for name in driven if name in state.contacts and state.contacts[name].touching.any()
+    ]
+    if driven and not touching:
+        yield (
+            f"nothing says how fast the strip runs, since no driven roller touches it: it came to "
+            f"{speed:.3g} m/s. Try another rollers.{driven[0]}.centre"
+        )
 
 
 def standing_idlers(state: State, scene: SceneSpec) -> Iterator[str]:
@@ -471,8 +499,7 @@ def slack_end(preview: Preview) -> Iterator[str]:
             continue
         if max(np.linalg.norm(end.get(f"entry.{key}", 0.0)) for key in ("force", "tension")) > 0.0:
             continue  # pulled from the other end, the strip may run away
-        weight, span = weight_of(preview, plan), string.span
-        if stiff and 0.0 < weight * span**3 < 6.0 * RESTING_SLOPE * strip.bending_stiffness:
+        if carries_itself(preview, plan, string.span):
             continue
         before = plan.controls.at(0.0)["exit.force"]
         if np.linalg.norm(force) < SLACK_END * largest < (pulled := np.linalg.norm(before)):
@@ -485,6 +512,14 @@ def slack_end(preview: Preview) -> Iterator[str]:
                 f"stage {plan.name} leaves the strip without tension, which is what holds it in "
                 f"shape. Try --set {key}"
             )
+
+
+def carries_itself(preview: Preview, plan: StageProblem, span: float) -> bool:
+    """Whether strip lies on rollers and hardly sags between them, or no edge of it is held."""
+    scene, load = preview.assembly.scene, weight_of(preview, plan) * span**3
+    edges = [*scene.edges.values(), *(end for s in scene.stages for end in s.edges.values())]
+    bears = 6.0 * RESTING_SLOPE * bending_stiffness(scene)
+    return load < bears and (load > 0.0 or not edges)
 
 
 def pulled_twice(preview: Preview) -> Iterator[str]:
@@ -785,6 +820,7 @@ OTHER_RULES = (
 )
 RULES_AT_END = (
     lifted_off,
+    undriven,
     standing_idlers,
     unbalanced_idlers,
     spinning_rollers,
