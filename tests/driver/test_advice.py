@@ -701,6 +701,7 @@ ELSEWHERE = {
     "tips_over": "told where nothing pulls, among what is told before a run",
     "lifted_off": "of an idler that bent strip does not touch",
     "pulled_twice": "test_forewarnings.py",
+    "undriven": "test_steady.py",
     "standing_idlers": "test_steady.py",
     "unbalanced_idlers": "test_forewarnings.py",
     "heavy_bearings": "test_forewarnings.py",

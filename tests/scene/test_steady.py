@@ -15,7 +15,13 @@ from scipy.integrate import quad, solve_ivp
 from threaded import ONE, ended, roller, scene_of
 
 from anmstrip.advice.preview import Preview
-from anmstrip.advice.warnings import beside_rollers, lifted_off, standing_idlers, unbalanced_idlers
+from anmstrip.advice.warnings import (
+    beside_rollers,
+    lifted_off,
+    standing_idlers,
+    unbalanced_idlers,
+    undriven,
+)
 from anmstrip.driver.explain import cell, explain, report
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
@@ -766,6 +772,29 @@ def test_one_of_two_driven_rollers_that_is_slid_over_is_named() -> None:
     }  # fmt: skip
     run, _ = ended(Scene.from_tables(tables, "draw.toml"))
     assert "The strip slides over a." in report(run)
+
+
+@pytest.mark.parametrize("raised", [0.0, 0.1])
+def test_a_line_whose_driven_roller_touches_nothing_is_told_to_have_no_speed(raised: float) -> None:
+    """Drawn in the pass line, bent strip leaves it; idlers stand, and the strip as well."""
+    tables = {
+        **CROWNED,
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 1e-3, "refined": 0.02},
+        "threading": {"tension": 1e4, "entry": [0.0, 0.0, 0.0], "exit": [4.0, 0.0, 0.0]},
+        "rollers": [
+            roller("i1", 1.0, 0.0, 0.2, "over", drive="idle", bearing=20.0),
+            roller("drive", 2.0, raised, 0.2, "over"),
+            roller("i2", 3.0, 0.0, 0.2, "over", drive="idle", bearing=20.0),
+        ],
+        "stages": [{"name": "run", "steady": True, "entry": {"tension": 1e4},
+                    "exit": {"tension": 1e4}, "rollers": {"drive": {"surface_speed": 1.0}}}],
+        "solver": {"tolerance": 1e-4},
+    }  # fmt: skip
+    run, state = ended(Scene.from_tables(tables, "line.toml"))
+    told = list(undriven(state, run.scene))
+    assert len(told) == (raised == 0.0)
+    assert all("no driven roller touches it" in line for line in told)
+    assert state.strip_speed == pytest.approx(1.0 if raised else 0.0, abs=1e-3)
 
 
 @pytest.mark.parametrize(("bearing", "speed"), [(80.0, 2.00014), (2.0, 2.00014), (2.0, 2.02)])

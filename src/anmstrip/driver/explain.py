@@ -438,6 +438,9 @@ SLIDING_SHARE = 0.5
 """Share of friction from which on strip that sticks nowhere is said to slide.  With less of it
 fibres creep to and fro, as over a crown, and rollers carry the strip all the same."""
 
+TENSION_DIGITS = 1e-6
+"""Tension over the largest beside a roller, below which it is a zero as it is solved."""
+
 TORQUE_DIGITS = 1e-7
 """Torque over that of the normal force at the radius, below which it is a zero as it is solved."""
 
@@ -467,7 +470,8 @@ def report(run: Run, told: Collection[str] = ()) -> str:
         slid = [n for n in touched if (state.rollers[n].capacity_used or 0.0) > SLIDING_SHARE]
         slid = [n for n in slid if slides(touched[n])]
         if slid:
-            every = len(slid) == len(touched) > 1
+            turning = any(contact.surface_speed for contact in touched.values())
+            every = turning and len(slid) == len(touched) > 1
             where = "all driven rollers that it touches" if every else None
             parts.append(f"The strip slides over {where or ', '.join(slid)}.")
         parts += runaway_slips(state)
@@ -501,17 +505,24 @@ def roller_table(state: State) -> Table:
     more = ("slip\n(m/s)", "slides\n(°)", "friction\nused", "load on\n(N/m)", "load off\n(N/m)")
     sideways = ("offset\n(mm)",) * any(r.offset is not None for r in state.rollers.values())
     table = plain_table(f"Rollers at t = {state.time:.6g} s", "\nroller", *heads, *more, *sideways)
+    beside = [(r.tension_in, r.tension_out) for r in state.rollers.values()]
+    largest = max((abs(tension or 0.0) for pair in beside for tension in pair), default=0.0)
     for name, r in state.rollers.items():
         used = "–" if r.capacity_used is None else f"{round(100.0 * r.capacity_used, 3):.3g} %"
-        seen = TORQUE_DIGITS * r.normal_force * state.contacts[name].roller.radius
-        torque = r.torque if abs(r.torque) > seen else 0.0
-        values = (np.degrees(r.wrap), r.tension_in, r.tension_out, r.normal_force, torque)
+        turns = TORQUE_DIGITS * r.normal_force * state.contacts[name].roller.radius
+        tensions = (above(t, TENSION_DIGITS * largest) for t in (r.tension_in, r.tension_out))
+        values = (np.degrees(r.wrap), *tensions, r.normal_force, above(r.torque, turns))
         read = None if slip_runs_away(state, r) else r.max_slip, r.line_load_in, r.line_load_out
         slip, *loads = (cell(value, ".3g") for value in read)
         arc = cell(None if r.slip_arc is None else np.degrees(r.slip_arc), ".3g")
         offset = () if r.offset is None else (f"{round(1e3 * r.offset, 3) + 0.0:.3f}",)
         table.add_row(name, *map(cell, values), slip, arc, used, *loads, *offset)
     return table
+
+
+def above(value: float | None, least: float) -> float | None:
+    """Return a value, or 0 where it is smaller than what can be told from it."""
+    return 0.0 if value is not None and abs(value) <= least else value
 
 
 def bend_table(state: State) -> list[str | Table]:
