@@ -206,6 +206,25 @@ def test_what_a_plate_does_not_see(change: dict[str, Any], against: str) -> None
     assert any(against in reason for reason in found["plate"].against)
 
 
+def test_a_plate_does_not_see_what_stretches_between_held_ends() -> None:
+    """E t s³/3 carries p L: 0.038 for the slope, by its own stiffness it were 89°."""
+    held = {"fixed": ["x", "z"], "centred": True}
+    tables = {
+        "strip": {"length": 1.0, "width": 0.5, "thickness": 0.5e-3},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "edges": {"entry": held, "exit": held},
+        "stages": [{"name": "press", "pressure": -2e3}],
+    }
+    preview = Preview.of(Assembly(Scene.model_validate(tables)))
+    run = Scene.model_validate(tables).run()
+    *_, last = run
+    assert preview.steepest.slope == pytest.approx(np.arctan((3 * 2e3 / 1e8) ** (1 / 3)), rel=1e-6)
+    assert last.state.tension("exit") == pytest.approx(1e8 * preview.steepest.slope**2 / 6, rel=0.1)
+    _, found = judged(tables)
+    (against,) = found["plate"].against
+    assert against.startswith("as it sags between held ends, 2.55e+04 N/m")
+
+
 def test_threaded_bridle_shows_its_wraps() -> None:
     scene = Scene.model_validate(bridle())
     thread = Assembly(scene).thread

@@ -117,15 +117,24 @@ def string_estimate(course: Course) -> StringEstimate:
     An end that is held is where it was moved to, a free one runs in the direction of its
     force.  Rollers that a taut string would not touch are left out, and those that lie along
     the strip.  Between rollers L apart a string sags by q L / 2 T, a beam by at most q L³ / 6 D;
-    both carry together.
+    both carry together.  Where both ends are held, strip that sags by s stretches by s² / 6, and
+    E t s³ / 3 carries q L.
     """
     a, values = course.assembly, course.values
     weight = a.material.density * a.strip.thickness * abs(values.get("gravity", np.zeros(3))[2])
     load = float(weight + abs(values.get("pressure", 0.0)))
 
+    tension = largest_force(a.scene) or tension_of_moves(a.scene)
+    stretches = a.scene.material.young * a.strip.thickness if ends_are_held(a.scene) else 0.0
+
     def sag(span: float) -> float:
-        stiffness = 2.0 * largest_force(a.scene) / span + 6.0 * bending_stiffness(a.scene) / span**3
-        return float(np.arctan(load / stiffness if stiffness else np.inf)) if load else 0.0
+        if not load:
+            return 0.0
+        stiffness = 2.0 * tension / span + 6.0 * bending_stiffness(a.scene) / span**3
+        slopes = [load / stiffness if stiffness else np.inf]
+        if stretches:
+            slopes.append(np.cbrt(3.0 * load * span / stretches))
+        return float(np.arctan(min(slopes)))
 
     if (found := laid_string(course)) is not None:
         path, rollers, centres = found
@@ -154,6 +163,11 @@ def string_estimate(course: Course) -> StringEstimate:
         slope = max(abs(end.angle) for end in (entry, exit) if isinstance(end, StraightEnd))
     length = a.strip.length
     return StringEstimate({}, {}, float(slope) + sag(length), gaps=gaps, span=length)
+
+
+def ends_are_held(scene: SceneSpec) -> bool:
+    """Whether both ends are held along the strip."""
+    return all("x" in scene.edges.get(name, EdgeSpec()).fixed for name in ENDS)
 
 
 def laid_string(course: Course) -> tuple[StringPath, list[tuple[Roller, float]], Array] | None:

@@ -15,7 +15,13 @@ from itertools import pairwise
 import numpy as np
 
 from anmstrip.advice import physics, units
-from anmstrip.advice.preview import NEGLIGIBLE_BEARING, Preview, free_motions, unheld_words
+from anmstrip.advice.preview import (
+    NEGLIGIBLE_BEARING,
+    Preview,
+    ends_are_held,
+    free_motions,
+    unheld_words,
+)
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import KINEMATICS, Kinematics
 from anmstrip.fem.sampling import quadrature_points
@@ -91,6 +97,9 @@ BALANCED_TORQUE = 1e-3
 UNBALANCED_SHARE = 3.0
 """Share of the force on an idler times its radius, over the tolerance, beyond which it is out of
 balance."""
+
+SMALL_STRETCH = 0.02
+"""Share of what carries a plate by which its sag may stretch it between held ends, unseen."""
 
 FRICTION_DIFFERENCE = 0.1
 """Share by which a friction coefficient may act as another one than was typed, unsaid."""
@@ -967,6 +976,10 @@ def against_plate(preview: Preview) -> Iterator[str]:
             f"{', wrapping ' if wraps else ''}{', '.join(wraps)}: the error, slope²/2, would be "
             f"{error} (bound {np.degrees(PLATE_SLOPE):.0f}°)"
         )
+    stretches = scene.material.young * scene.strip.thickness * steep.slope**2 / 6.0
+    held = preview.tension + 12.0 * bending_stiffness(scene) / preview.assembly.strip.length**2
+    if ends_are_held(scene) and stretches > SMALL_STRETCH * held:
+        yield f"as it sags between held ends, {stretches:.3g} N/m come to pull it"
     if scene.threading is not None:
         yield "[threading] lays the strip around rollers"
     for stage in scene.stages:
