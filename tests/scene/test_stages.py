@@ -135,6 +135,38 @@ def _fine_stretch(assembly: Assembly) -> tuple[float, float]:
     return float(x[fine[0]]), float(x[fine[-1] + 1])
 
 
+@pytest.mark.parametrize("pull", [0.0, 100.0])
+def test_a_released_end_keeps_what_was_pulled_and_not_what_friction_made_of_it(pull: float) -> None:
+    """A sheet settles on its rollers; where nothing pulls, they carry it free of forces."""
+    tables = {
+        "strip": {"kinematics": "section", "length": 0.8, "width": 1.0, "thickness": 2e-3},
+        "material": {"young": 2e11, "poisson": 0.3, "density": 7850.0},
+        "friction": {"coefficient": 0.3},
+        "rollers": [
+            {"name": f"r{k}", "radius": 0.1, "centre": [0.3 * k - 0.3, 0.0, -0.1]} for k in range(4)
+        ],
+        "edges": {"entry": {"fixed": ["x"]}},
+        "stages": [
+            {"name": "settle", "duration": 1.0, "gravity": [0.0, 0.0, -9.81],
+             "exit": {"force": [pull, 0.0, 0.0]}},
+            {"name": "carry", "duration": 0.2, "entry": {"release": True},
+             "rollers": {f"r{k}": {"surface_speed": 0.5} for k in range(4)}},
+        ],
+    }  # fmt: skip
+    if not pull:
+        del tables["stages"][0]["exit"]
+    run = Scene.model_validate(tables).run()
+    ends = {step.stage: step.state for step in run}
+    assert run.outcome.done, run.message
+    held, carried = ends["settle"], ends["carry"]
+    borne = held.edge_force("entry")[0]
+    assert borne < -0.1  # 0.36 N/m by friction alone, as it comes to lie
+    kept = carried.controls["entry.force"][0]
+    assert kept == (pytest.approx(borne, rel=1e-9) if pull else pytest.approx(0.0, abs=1e-9))
+    if not pull:  # else the strip is fed, and its labels stay
+        assert carried.along_end("entry", carried.full) == pytest.approx(0.05, abs=1e-5)
+
+
 def test_middle_of_a_released_edge_keeps_its_y() -> None:
     """After a move of 1 mm aside that bends a strip in its plane; so does what holds it there."""
     scene = Scene.model_validate(

@@ -308,6 +308,12 @@ def largest_force(scene: SceneSpec) -> float:
     return max(map(abs, given_tensions(scene)), default=0.0)
 
 
+def pulled_nowhere(scene: SceneSpec) -> bool:
+    """Whether only weight, pressure, rollers and friction act on flat strip."""
+    led = any(moved_ends(scene.threading, scene.edges, scene.stages))
+    return not (scene.threading or led or largest_force(scene) or tension_of_moves(scene))
+
+
 def tension_of_moves(scene: SceneSpec) -> float:
     """Return what stretches flat strip between held ends (N/m) if they or rollers are moved.
 

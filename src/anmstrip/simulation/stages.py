@@ -24,6 +24,7 @@ from anmstrip.simulation.defaults import (
     bending_stiffness,
     bent_curvature,
     elastic_creep,
+    pulled_nowhere,
 )
 from anmstrip.simulation.meshing import label_at, surface_speed
 from anmstrip.simulation.problem import Assembly, middle_node
@@ -389,6 +390,8 @@ class Course:
         for name, edge in stage.edges.items():
             if edge.force is not None:
                 end[f"{name}.force"] = np.array(edge.force, dtype=float)
+            elif edge.release and pulled_nowhere(self.assembly.scene):
+                end[f"{name}.force"] = np.zeros(3)  # what friction or weight alone made it bear
             scalar = stage.steady and name == "entry"  # the strip's speed answers to it
             guided = scalar or "z" in self._held().get(name, ())
             if edge.tension is not None and name in self.outward and not guided:
