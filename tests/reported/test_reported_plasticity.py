@@ -2,6 +2,7 @@
 
 import json
 import re
+from copy import deepcopy
 from pathlib import Path
 
 import numpy as np
@@ -843,6 +844,17 @@ def test_a_line_that_rests_first_has_the_mesh_of_its_stationary_state(tmp_path):
     assert other is not None
     curl, _, told = delivered(running, refined=float(words.partition("refined=")[2].split()[0]))
     assert abs(curl - alone) < 0.3 * abs(coarse - alone) and not told
+
+
+def test_a_roller_that_is_moved_while_a_line_runs_keeps_the_mesh_of_hinges():
+    """As one that was drawn there, to what the mesh makes of it."""
+    drawn, moved = deepcopy(HINGED), deepcopy(HINGED)
+    drawn["rollers"][1]["centre"][2] -= 4e-4
+    deeper = {"name": "deeper", "steady": True, "rollers": {"r1": {"move": [0.0, 0.0, -4e-4]}}}
+    moved["stages"] = [*HINGED["stages"], deeper]
+    runs = [done(Scene.from_tables(each, "line.toml").run()) for each in (drawn, moved)]
+    one, other = (YieldedStrip.of(run.state).rollers()["r2"].curl for run in runs)
+    assert other == pytest.approx(one, rel=0.01)  # -17.2 and -17.1 1/m; -15.3 on a plain mesh
 
 
 def test_strip_that_flows_at_another_rate_is_told_what_to_type(tmp_path):

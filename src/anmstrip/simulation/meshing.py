@@ -405,7 +405,7 @@ class Layout:
     def bending_layer(self) -> float:
         """Length (m) in which the strip bends onto its rollers: √(D/T), or less where it yields."""
         layer, typed = boundary_layer(self.scene), self.scene.strip.element_length is not None
-        return layer if typed or not contact_stands(self.scene) else min(layer, self.hinge_length)
+        return layer if typed or not labels_stay(self.scene) else min(layer, self.hinge_length)
 
     @cached_property
     def hinge_length(self) -> float:
@@ -901,11 +901,16 @@ def lines_of_nodes(
 
 
 def contact_stands(scene: SceneSpec) -> bool:
-    """Whether the strip lifts on and off at the same labels throughout."""
+    """Whether the strip lifts on and off at the same labels throughout, as nothing moves."""
     moves = [c.move for stage in scene.stages for c in stage.edges.values()]
     if not follows_rollers(scene):
         moves += [c.move for stage in scene.stages for c in stage.rollers.values()]
-    return bool(scene.strip.feed or not passes_in_time(scene)) and not any(moves)
+    return labels_stay(scene) and not any(moves)
+
+
+def labels_stay(scene: SceneSpec) -> bool:
+    """Whether material passes the labels of the strip wherever it runs."""
+    return bool(scene.strip.feed or not passes_in_time(scene))
 
 
 def passes_in_time(scene: SceneSpec) -> bool:
