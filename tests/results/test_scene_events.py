@@ -199,8 +199,8 @@ def test_a_roller_that_few_points_touch_is_not_dated_with_every_one_that_passes(
             {"name": "pull", "friction": False, "duration": 1.0, "exit": {"tension": 5e3}},
             {"name": "lift", "friction": False, "duration": 1.0,
              "rollers": {"lift": {"move": [0.0, 0.0, 0.31]}}},
-            {"name": "turn", "duration": 0.5, "rollers": {"lift": {"angular_speed": 2.0}}},
-            {"name": "convey", "duration": 0.5, "entry": {"speed": 0.4}},
+            {"name": "turn", "duration": 0.15, "rollers": {"lift": {"angular_speed": 2.0}}},
+            {"name": "convey", "duration": 0.15, "entry": {"speed": 0.4}},
         ],
     }  # fmt: skip
     tangents, passing = [], 0
@@ -210,7 +210,7 @@ def test_a_roller_that_few_points_touch_is_not_dated_with_every_one_that_passes(
             passing += sum(e.roller == "top" and e.point is not None for e in step.events)
         assert run.outcome.done
         tangents.append(run.cost.expansions)
-    assert passing > 50
+    assert passing > 15
     assert tangents[1] < 2 * tangents[0]
 
 

@@ -165,12 +165,17 @@ RUNAWAY_SPEED = 1e3
 all stand over that of the line."""
 
 
+RUNAWAY_WAY = 0.01
+"""Part of its length that fed strip has run by then, which no elastic snap gives off."""
+
+
 def has_run_away(state: State, usual: float) -> bool:
-    """Return whether strip passes at a speed that no friction ends: fed strip by a length.
+    """Return whether strip passes at a speed that no friction ends.
 
     In a steady stage nothing is conveyed, and no stationary state has such a speed.
     """
-    conveyed = state.plan.fed and abs(state.conveyed) >= state.plan.model.strip.length
+    way = RUNAWAY_WAY * state.plan.model.strip.length
+    conveyed = state.plan.fed and abs(state.conveyed) >= way
     if not (conveyed or state.plan.steady):
         return False
     return abs(state.strip_speed or 0.0) > RUNAWAY_SPEED * (state.plan.fastest or usual) > 0.0
