@@ -292,6 +292,8 @@ def run_command(
                 raise
             running.interrupted()
             click.echo(f"Interrupted. Everything up to here is in {directory}.")
+            if words := report(running, told):
+                click.echo(words)
             next_one = next_command(scene, directory, settings, resume=not loaded.repeated)
             click.echo(f"Next: {next_one}")
             sys.exit(EXIT_STOPPED)

@@ -271,18 +271,24 @@ def lifted_off(state: State, scene: SceneSpec) -> Iterator[str]:
 
 def undriven(state: State, scene: SceneSpec) -> Iterator[str]:
     """Steady strip that comes to some speed: no roller that is driven by speed touches it."""
-    free, speed = state.plan.supports.free, state.strip_speed
-    if not state.plan.steady or state.plan.model.coupled - 1 not in free:
+    if not state.plan.steady or state.plan.model.coupled - 1 not in state.plan.supports.free:
         return
     driven = [spec.name for spec in scene.rollers if spec.drive == "speed"]
     touching = [
         name for name in driven if name in state.contacts and state.contacts[name].touching.any()
     ]
     if driven and not touching:
+        came = "stands still" if stands(state) else f"came to {state.strip_speed:.3g} m/s"
         yield (
-            f"nothing says how fast the strip runs, since no driven roller touches it: it came to "
-            f"{speed:.3g} m/s. Try another rollers.{driven[0]}.centre"
+            f"nothing says how fast the strip runs, since no driven roller touches it: it {came}. "
+            f"Try another rollers.{driven[0]}.centre"
         )
+
+
+def stands(state: State) -> bool:
+    """Whether strip runs no faster than friction creeps at rest."""
+    creep = 0.0 if state.friction is None else state.friction.law_of_slip.speed
+    return abs(state.strip_speed or 0.0) <= creep
 
 
 def standing_idlers(state: State, scene: SceneSpec) -> Iterator[str]:
@@ -308,7 +314,7 @@ def unbalanced_idlers(state: State, scene: SceneSpec) -> Iterator[str]:
     More in a steady stage that sets a line going, before its end; less where a roller that hardly
     bears anything turns within the tolerance of the whole line, though it would stand.
     """
-    for spec in scene.rollers if state.plan.steady else ():
+    for spec in scene.rollers if state.plan.steady and not stands(state) else ():
         contact = state.contacts.get(spec.name)
         if spec.drive != "idle" or contact is None:
             continue
