@@ -184,7 +184,7 @@ def test_run_that_is_interrupted(fakes: Fakes) -> None:
     ((_, _, run),) = fakes.calls
     assert (result.exit_code, run.saved) == (1, [True])
     assert "Interrupted" in result.stdout
-    assert "--resume" in result.stdout
+    assert "--resume" in result.stdout and "Warning: The strip is compressed." in result.stdout
 
 
 @pytest.mark.parametrize("end", [None, SystemError("returned a result with an exception set")])

@@ -308,7 +308,7 @@ def test_compressed_spans_are_warned_of(thin: Results, shell: Results) -> None:
     It is what a span bears that is compressed all along: what counts is the line of points along
     with the largest mean.  Beside the centred node of the entry the program leaves some out.
     """
-    wrinkles = "The strip is compressed"
+    wrinkles = "the strip is compressed"
     assert not any(line.startswith(wrinkles) for line in shell.summary["warnings"])
     surface = thin.last
     x, y, forces, areas = principal(surface, 2e-4)
@@ -328,7 +328,7 @@ def test_compressed_spans_are_warned_of(thin: Results, shell: Results) -> None:
         share = areas[compressed].sum() / areas[beside].sum()
         pressed = pressure[inside].max()
         words = (
-            f"The strip is compressed by {pressed:.3g} N/m between {before} and {after}, over "
+            f"the strip is compressed by {pressed:.3g} N/m between {before} and {after}, over "
             f"{100.0 * share:.0f} % of the width; wrinkles are likely"
         )
         if mean > 0.5 * bearable:

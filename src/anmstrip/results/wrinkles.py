@@ -270,7 +270,7 @@ class Wrinkling:
     @property
     def warnings(self) -> list[str]:
         """The same in words."""
-        return [f"The strip is {span}" for span in self.near]
+        return [f"the strip is {span}" for span in self.near]
 
     def lines(self, sampler: FieldSampler | None = None) -> list[tuple[float, Array, Array]]:
         """Return x, y and w (m) of the lines x = const of points that a parabola may not fit.
