@@ -140,7 +140,9 @@ def rate_lines(scene: SceneSpec, assembly: Assembly) -> Iterator[str]:
     """Yield the rates that the laws of flow and friction refer to, and where they come from."""
     if (p := scene.material.plasticity) is not None:
         rate, why = p.reference_rate or assembly.usual_rate, "" if p.reference_rate else ", a guess"
-        yield f"Flow: at the yield stress at a strain rate of {rate:.3g} 1/s{why}."
+        wide = scene.strip.kinematics == "section" and not p.uniaxial
+        held = " times 2/√3, since a section does not contract across," * wide
+        yield f"Flow: at the yield stress{held} at a strain rate of {rate:.3g} 1/s{why}."
     if scene.friction is not None and assembly.friction is not None:
         speed = assembly.friction.speed
         why = "" if scene.friction.speed else f", {origin_of_slip_speed(scene, speed)}"
