@@ -205,14 +205,12 @@ def unheld_strip(preview: Preview) -> Iterator[str]:
 
 def rubs_at_once(plan: StageProblem) -> bool:
     """Whether strip touches a roller on which it rubs before anything of a stage acts."""
-    full = plan.supports.full(np.zeros(len(plan.supports.free)), 0.0)
-    rubbing = (effect for effect in plan.model.effects if isinstance(effect, Friction))
-    return any(
-        bool(
-            np.any(effect.contact.gap((full, full), plan.controls.at(0.0)) < effect.contact.reaches)
-        )
-        for effect in rubbing
+    full, controls = (
+        plan.supports.full(np.zeros(len(plan.supports.free)), 0.0),
+        plan.controls.at(0.0),
     )
+    rubbed = [effect.contact for effect in plan.model.effects if isinstance(effect, Friction)]
+    return any(bool(np.any(c.gap((full, full), controls) < c.reaches)) for c in rubbed)
 
 
 def released_strip(preview: Preview) -> Iterator[str]:
