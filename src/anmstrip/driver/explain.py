@@ -440,8 +440,8 @@ SLIDING_SHARE = 0.5
 """Share of friction from which on strip that sticks nowhere is said to slide.  With less of it
 fibres creep to and fro, as over a crown, and rollers carry the strip all the same."""
 
-TENSION_DIGITS = 1e-6
-"""Tension over the largest beside a roller, below which it is a zero as it is solved."""
+TENSION_DIGITS = 0.1
+"""Tension over the tolerance times what pulls the strip, below which it is a zero as solved."""
 
 TORQUE_DIGITS = 1e-7
 """Torque over that of the normal force at the radius, below which it is a zero as it is solved."""
@@ -458,7 +458,7 @@ def report(run: Run, told: Collection[str] = ()) -> str:
     parts: list[str | Table] = []
     if (state := run.reported) is not None:
         if state.rollers:
-            parts.append(roller_table(state))
+            parts.append(roller_table(state, run.scene.solver.tolerance))
         parts += bend_table(state)
         if (level := run.flow.level) is not None:
             parts.append(f"By its rate, the strip flows at {level:.3f} times its yield stress.")
@@ -498,7 +498,7 @@ def slip_runs_away(state: State, reading: RollerReading) -> bool:
     return bool(reading.max_slip > RUNAWAY_SLIP * state.plan.fastest > 0.0)
 
 
-def roller_table(state: State) -> Table:
+def roller_table(state: State, tolerance: float) -> Table:
     """Return what every roller does, in units that stand in the heads of the columns.
 
     A slip that runs away is a dash: it is that of the step at which the run stopped, and no speed.
@@ -507,12 +507,11 @@ def roller_table(state: State) -> Table:
     more = ("slip\n(m/s)", "slides\n(°)", "friction\nused", "load on\n(N/m)", "load off\n(N/m)")
     sideways = ("offset\n(mm)",) * any(r.offset is not None for r in state.rollers.values())
     table = plain_table(f"Rollers at t = {state.time:.6g} s", "\nroller", *heads, *more, *sideways)
-    beside = [(r.tension_in, r.tension_out) for r in state.rollers.values()]
-    largest = max((abs(tension or 0.0) for pair in beside for tension in pair), default=0.0)
+    least = TENSION_DIGITS * tolerance * state.plan.model.scales.tension
     for name, r in state.rollers.items():
         used = "–" if r.capacity_used is None else f"{round(100.0 * r.capacity_used, 3):.3g} %"
         turns = TORQUE_DIGITS * r.normal_force * state.contacts[name].roller.radius
-        tensions = (above(t, TENSION_DIGITS * largest) for t in (r.tension_in, r.tension_out))
+        tensions = (above(t, least) for t in (r.tension_in, r.tension_out))
         values = (np.degrees(r.wrap), *tensions, r.normal_force, above(r.torque, turns))
         read = None if slip_runs_away(state, r) else r.max_slip, r.line_load_in, r.line_load_out
         slip, *loads = (cell(value, ".3g") for value in read)

@@ -51,6 +51,9 @@ FIBRE_WIDTH = 0.1
 COMPRESSED_SHARE = 0.1
 """Share of the largest compression that counts as compressed."""
 
+PEAK_SHARE = 0.01
+"""Least share of the width that a compressed part takes up, as of a peak at one point."""
+
 I_UNIT = 1e-5
 """Strain of one I-unit of flatness."""
 
@@ -148,7 +151,8 @@ def free_spans(state: State) -> Iterator[Span]:
             spacing = wave_spacing(d, q, tension)
         elif n[0, 0] < n[1, 1] and share < 1.0 - COMPRESSED_SHARE:  # the rest of the width holds it
             edge = np.abs(fibres[worst]) > 0.5 * strip.width * (1.0 - COMPRESSED_SHARE)
-            part = band_compression(d, float(share) * strip.width, edge=bool(edge))
+            wide = max(float(share), PEAK_SHARE) * strip.width
+            part = band_compression(d, wide, edge=bool(edge))
         else:  # as a column: nothing holds it from beside, and no roller its slope at an end
             turning = (before == "the entry") + (after == "the exit")
             borne = COLUMN_FACTORS[turning] * d * q**2

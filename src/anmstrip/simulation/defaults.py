@@ -291,14 +291,35 @@ def edge_pulls(stage: StageSpec) -> Iterator[tuple[str, float]]:
             yield name, edge.tension
 
 
-def eigenstrain(scene: SceneSpec, shape: NaturalShape) -> float:
-    """Return the largest strain that heat, flatness or camber give the unstressed strip."""
+NO_STRAIN = 1e-9
+"""Part of heat or flatness that is none: round-off of what is not linear across."""
+
+
+def eigenstrain(scene: SceneSpec, shape: NaturalShape, *, stressing: bool = False) -> float:
+    """Return the largest strain that heat, flatness or camber give the unstressed strip.
+
+    With `stressing` the part of it that stresses the strip: all where edges hold it in its plane,
+    else of a shell what is not linear across, and of what varies along by Δ its (b/L)² Δ.
+    """
+    strip, edges = scene.strip, scene.edges
     units = {"temperature": scene.material.expansion or 0.0, "flatness": I_UNIT}
-    units["camber"] = 0.5 * (scene.strip.width or 0.0)
-    found = [0.0]
+    units["camber"] = 0.5 * (strip.width or 0.0)
+    held = all("x" in edges[name].fixed for name in ENDS if name in edges) and len(edges) > 1
+    held |= any("y" in edge.fixed and not edge.centred for edge in edges.values())
+    free, found = stressing and not held, [0.0]
     for key in units.keys() & shape.natural.keys():
         given = shape.natural[key]
-        values = given.samples if isinstance(given, FieldSpec) else given
+        values = np.asarray(given.samples if isinstance(given, FieldSpec) else given)
+        if free and (key == "camber" or strip.kinematics == "section" or values.ndim < 2):
+            continue
+        if free:
+            eta, slender = np.linspace(-0.5, 0.5, len(values)), 1.0
+            if strip.length and strip.width:
+                slender = min(1.0, strip.width / strip.length)
+            found.append(units[key] * slender**2 * float(np.ptp(values, axis=1).max()))
+            linear = np.polynomial.polynomial.polyfit(eta, values, 1)
+            bent = values - np.polynomial.polynomial.polyval(eta, linear).T
+            values = np.where(np.abs(bent) > NO_STRAIN * np.abs(values).max(), bent, 0.0)
         found.append(units[key] * float(np.abs(values).max()))
     return max(found)
 

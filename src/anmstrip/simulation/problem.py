@@ -708,7 +708,7 @@ class Assembly:
             onset = min(onset, FLOATING_SHARE * thickness / onsets)
         if self.thread is not None:
             onset = min(onset, LYING_ONSET * float(self.layout.deepest_bearing.min()))
-        if self.kinematics.count == 3 and fibres_differ(self.scene):
+        if tension and self.kinematics.count == 3 and fibres_differ(self.scene):
             stretch = tension / (self.material.young * thickness)
             onset = min(onset, ONSET_STRETCH * stretch * radius * self._spread())
         return GradedSignorini(pressure, c.onset or onset)
@@ -837,8 +837,8 @@ class Assembly:
         """
         tension, yielding = largest_force(self.scene), 0.0
         if tension == 0.0:
-            warmest = max(eigenstrain(self.scene, shape) for shape in self.scene.shapes)
-            heat = self.strip.tensile_stiffness * warmest
+            strains = (eigenstrain(self.scene, s, stressing=True) for s in self.scene.shapes)
+            heat = self.strip.tensile_stiffness * max(strains)
             tension = max(heat, tension_of_moves(self.scene))
         if tension == 0.0:
             load = distributed_load(self.scene) * self.strip.length

@@ -525,7 +525,9 @@ class Course:
         return Supports(free, start, slope, bows if bent else None, joint)
 
 
-def uniform_stretch(assembly: Assembly, tension: float, controls: Mapping[str, Array]) -> Array:
+def uniform_stretch(
+    assembly: Assembly, tension: float, controls: Mapping[str, Array], stays: str = "entry"
+) -> Array:
     """Displacement of the uniformly stretched flat strip, all unknowns.
 
     Parameters
@@ -534,8 +536,11 @@ def uniform_stretch(assembly: Assembly, tension: float, controls: Mapping[str, A
         T (N/m) along x.
     controls : mapping
         Of whose eigenstrain the mean counts.
+    stays : str
+        End that stays where it is.
     """
     strip = assembly.strip
+    end = strip.nodes[0].min() if stays == "entry" else strip.nodes[0].max()
     own, weights = eigenstrain(strip, controls), strip.weights().ravel()
     mean = (0.0, 0.0)
     if own is not None:
@@ -545,6 +550,6 @@ def uniform_stretch(assembly: Assembly, tension: float, controls: Mapping[str, A
     along, across = uniaxial_stretches(tension, *given)
     p = quadrature_points(strip)
     middle = 0.5 * (strip.nodes[1].min() + strip.nodes[1].max())
-    x, y = (along - 1.0) * (p[0] - strip.nodes[0].min()), (across - 1.0) * (p[1] - middle)
+    x, y = (along - 1.0) * (p[0] - end), (across - 1.0) * (p[1] - middle)
     pulled = l2_projection(strip, assembly.pattern, np.stack([x, y, np.zeros_like(x)]))
     return np.append(pulled, np.zeros(assembly.unknowns - strip.unknowns))
