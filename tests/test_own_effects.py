@@ -301,6 +301,14 @@ class Nothing(FlowLaw):
     def resistance(self, p):
         return None
 
+@dataclass(frozen=True)
+class Hiding(FrictionLaw):
+    coefficient: float
+    speed: float
+    share: float = 0.5
+    def __call__(self, normal, slip):
+        return -slip * (normal * self.share)
+
 class Twice(FlowLaw):
     def resistance(self, p):
         return np.stack([p, p])
@@ -326,6 +334,7 @@ class Rough(FlowLaw):
         ("friction", "Corner", "line 33 of wrong_laws.py"),
         ("friction", "Fixed", "proportional to coefficient"),
         ("friction", "Plain", "a frozen dataclass"),
+        ("friction", "Hiding", "other names than share"),
         ("contact", "Pulling", "a pressure that falls with the gap"),
         ("contact", "Flat", "a pressure that falls with the gap"),
         ("material.plasticity", "Nothing", "it returned ()"),

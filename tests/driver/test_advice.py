@@ -708,6 +708,7 @@ ELSEWHERE = {
     "proposed_keys": "reads what others propose",
     "spinning_rollers": "of what a last state shows",
     "buckled_section": "of what a last state shows",
+    "held_across": "test_reported_plasticity.py",
     "overstretched": "of what a last state shows",
     "guessed_rate": "test_reported_plasticity.py",
     "coarse_hinges": "test_reported_plasticity.py",

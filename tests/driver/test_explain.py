@@ -196,6 +196,7 @@ def test_what_varies_across_needs_a_width(change: dict[str, Any], against: str) 
         ({"entry": {"move": [0.1, 0.0, 0.0]}}, "moves entry in the plane"),
         ({"exit": {"tension": 1e4}}, "exit.tension"),
         ({"pressure": 1e3}, "slopes reach"),
+        ({"exit": {"moment": 1.0}}, "stage press bends exit"),
     ],
 )
 def test_what_a_plate_does_not_see(change: dict[str, Any], against: str) -> None:
@@ -204,6 +205,14 @@ def test_what_a_plate_does_not_see(change: dict[str, Any], against: str) -> None
     tables["stages"][1] |= change
     _, found = judged(tables)
     assert any(against in reason for reason in found["plate"].against)
+
+
+@pytest.mark.parametrize(("mesh", "uneven"), [("strip_hole", True), ("strip_triangles", False)])
+def test_a_plate_does_not_see_where_tension_varies(mesh: str, uneven: bool) -> None:
+    tables = pressed(1.0)
+    tables["strip"] = {"thickness": 1e-3, "mesh": str(EXAMPLES.parent / f"meshes/{mesh}.msh")}
+    _, found = judged(tables)
+    assert any("no rectangle" in reason for reason in found["plate"].against) is uneven
 
 
 def test_a_plate_does_not_see_what_stretches_between_held_ends() -> None:

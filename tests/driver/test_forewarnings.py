@@ -1333,3 +1333,38 @@ def test_a_roller_that_presses_on_a_held_end_of_flat_strip() -> None:
     assert "stage press moves r 0.019 m over the exit of the strip at x = 0.1 m" in told
     tables["rollers"][0]["centre"] = [0.0, 0.0, 0.0205]
     assert not warnings(preview_of(tables))
+
+
+TENSILE: dict[str, Any] = {  # no rollers, nothing rubs
+    "strip": {"kinematics": "section", "length": 1.0, "width": 0.1, "thickness": 1e-3},
+    "material": {"young": 2e11, "poisson": 0.3, "yield_stress": 3e8, "plasticity": {}},
+    "edges": {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["z"]}},
+    "stages": [
+        {"name": "pull", "duration": 1.0, "exit": {"force": [2e5, 0.0, 0.0]}},
+        {"name": "let_go", "duration": 1.0, "exit": {"force": [0.0, 0.0, 0.0]}},
+    ],
+}
+SLAB: dict[str, Any] = {  # its ends above the axes of two rollers
+    "strip": {"kinematics": "section", "length": 2.0, "width": 1.0, "thickness": 0.02},
+    "material": {"young": 2e11, "poisson": 0.3, "density": 7850.0},
+    "rollers": [{"radius": 0.1, "centre": [x, 0.0, -0.1]} for x in (-1.0, 0.0, 1.0)],
+    "edges": {"entry": {"fixed": ["x"]}},
+    "stages": [{"name": "lay", "gravity": [0.0, 0.0, -9.81]}],
+}
+
+
+@pytest.mark.parametrize(
+    ("tables", "words"),
+    [
+        (TENSILE, "pulls a slack strip"),
+        (TENSILE, "leaves the strip without tension"),
+        (SLAB, "tips over"),
+    ],
+)
+def test_what_is_meant_is_not_warned_of(tables: dict[str, Any], words: str) -> None:
+    """A tensile test and its unloading; a slab that ends above its outer rollers."""
+    assert not [line for line in warnings(preview_of(tables)) if words in line]
+    run = Scene.from_tables(tables, "line.toml").run()
+    for _ in run:
+        pass
+    assert run.outcome.done, run.message

@@ -846,6 +846,26 @@ def test_a_line_that_rests_first_has_the_mesh_of_its_stationary_state(tmp_path):
     assert abs(curl - alone) < 0.3 * abs(coarse - alone) and not told
 
 
+def test_a_section_that_flows_all_through_is_told_to_bear_too_much(tmp_path):
+    """Pulled by 1 %: λ (σ_y + H (ε - σ_y/E)) of strip that contracts across."""
+    end, hardening = {"fixed": ["x", "z"], "centred": True}, 1e9
+    tables = {
+        "strip": {"kinematics": "section", "length": 1.0, "width": 0.2, "thickness": THICKNESS},
+        "material": {**WIDE, "plasticity": {"isotropic_hardening": hardening}},
+        "edges": {"entry": end, "exit": end},
+        "stages": [{"name": "pull", "duration": 1.0, "exit": {"move": [0.01, 0.0, 0.0]}}],
+    }
+    stress, young = WIDE["yield_stress"], WIDE["young"]
+    borne = 1.01 * THICKNESS * (stress + hardening * (0.01 - stress / young))
+    section = done(Scene.from_tables(tables, "pull.toml").run(tmp_path / "section"))
+    (told,) = [words for words in section.warnings if "contract across" in words]
+    assert section.state.tension("exit") == pytest.approx(2.0 / np.sqrt(3.0) * borne, rel=0.01)
+    setting = re.search(r"--set '(.*)'$", told)[1]
+    shell = done(Scene.from_tables(tables, "pull.toml", [setting]).run(tmp_path / "shell"))
+    assert shell.state.tension("exit") == pytest.approx(borne, rel=0.01)
+    assert not [words for words in shell.warnings if "contract across" in words]
+
+
 def test_a_roller_that_is_moved_while_a_line_runs_keeps_the_mesh_of_hinges():
     """As one that was drawn there, to what the mesh makes of it."""
     drawn, moved = deepcopy(HINGED), deepcopy(HINGED)

@@ -649,6 +649,19 @@ def test_sides_in_other_words(word: str, meant: str) -> None:
     assert [m.hint for m in found.value.mistakes if m.key.endswith("wrap")] == [f'wrap = "{meant}"']
 
 
+def test_no_stage_of_flat_strip_has_the_name_of_the_threading() -> None:
+    """It was taken for one, with a traceback."""
+    tables = {
+        "strip": {"length": 1.0, "width": 0.1, "thickness": 1e-3},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "edges": {"entry": {"fixed": ["x", "y", "z"]}},
+        "stages": [{"name": "threading", "exit": {"force": [1e3, 0.0, 0.0]}}],
+    }
+    with pytest.raises(InputError) as found:
+        Scene.from_tables(tables, "flat.toml")
+    assert [mistake.key for mistake in found.value.mistakes] == ["stages.threading.name"]
+
+
 def test_a_speed_of_a_roller_is_that_of_its_surface() -> None:
     tables = tomllib.loads(f'{GOOD}\n[[rollers]]\nname = "r1"\nradius = 0.1\ncentre = [0, 0, -1]\n')
     tables["stages"][0]["rollers"] = {"r1": {"speed": 2.0}}

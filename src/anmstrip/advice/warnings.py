@@ -25,13 +25,14 @@ from anmstrip.advice.preview import (
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import KINEMATICS, Kinematics
 from anmstrip.fem.sampling import quadrature_points
+from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.contact import Friction
 from anmstrip.mechanics.roller import Roller
 from anmstrip.results.plastic import MeanFlow
 from anmstrip.results.rollers import RUNNING_SLIP, ContactState
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import COLUMN_FACTORS
-from anmstrip.scene.schema import SceneSpec
+from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, THREADING, FieldSpec
 from anmstrip.simulation.defaults import (
     bending_stiffness,
@@ -184,7 +185,8 @@ def slack_start(preview: Preview) -> Iterator[str]:
     first = preview.plans[0]
     ends = [first.controls.at(share).get("exit.force", np.zeros(3)) for share in (0.0, 1.0)]
     slack = preview.assembly.thread is None and not np.any(ends[0])
-    if slack and first.in_time and np.any(ends[1]):
+    rubs = preview.assembly.rubs(preview.stages[0])
+    if slack and rubs and first.in_time and np.any(ends[1]):
         yield (
             f"stage {first.name} pulls a slack strip, which has no stiffness across, while it may "
             f"rub. To pull it before, try --set stages.{first.name}.friction=false"
@@ -368,6 +370,20 @@ def overstretched(state: State, scene: SceneSpec) -> Iterator[str]:
         )
 
 
+def held_across(state: State, scene: SceneSpec) -> Iterator[str]:
+    """A section that flows all through its thickness in tension, where strip contracts across."""
+    plasticity, strip = scene.material.plasticity, scene.strip
+    if plasticity is None or plasticity.uniaxial or strip.kinematics != "section":
+        return
+    most = float(state.along("tension").max(initial=0.0))
+    if most > (limit := float(scene.material.yield_stress or np.inf) * strip.thickness):
+        yield (
+            f"the strip is pulled by {most:.3g} N/m, and yields all through at {limit:.3g} N/m if "
+            "it may contract across. A section may not, and bears 2/√3 times as much. "
+            "Try --set 'strip.kinematics=\"shell\"'"
+        )
+
+
 FLOW_ERROR = 0.03
 """Share of the yield stress by which strip may flow at another, of a scene without its rate."""
 
@@ -500,10 +516,13 @@ def beside_rollers(state: State, scene: SceneSpec) -> Iterator[str]:
 def slack_end(preview: Preview) -> Iterator[str]:
     """Stages at whose end an end that was pulled no longer is, and bending does not hold it.
 
-    It does where the strip lies on rollers by its weight, and hardly sags between them.
+    It does where the strip lies on rollers by its weight, and hardly sags between them, and where
+    there are none.
     """
     strip, largest, stages = preview.assembly.strip, preview.tension, preview.assembly.scene.stages
     stiff = preview.assembly.scene.strip.bending
+    if stiff and not preview.assembly.rollers:  # nothing bends it
+        return
     bearable = strip.bending_stiffness * (np.pi / strip.length) ** 2 if stiff else 0.0
     for plan, string in zip(preview.plans, preview.strings, strict=True):
         end = plan.controls.at(1.0)
@@ -838,6 +857,7 @@ RULES_AT_END = (
     unbalanced_idlers,
     spinning_rollers,
     overstretched,
+    held_across,
     buckled_section,
     unresolved_waves,
 )
@@ -962,6 +982,12 @@ def against_section(preview: Preview) -> Iterator[str]:
         yield f"{name}, a side, is held, pulled or moved"
 
 
+def fills_rectangle(strip: Strip) -> bool:
+    """Whether a strip has no holes, and edges along x and y."""
+    size = np.ptp(strip.nodes, axis=1)
+    return bool(np.isclose(strip.weights().sum(), size[0] * size[1], rtol=1e-6))
+
+
 def against_plate(preview: Preview) -> Iterator[str]:
     """Facts that a plate, with small slopes and nothing in its plane, does not see."""
     scene, steep = preview.assembly.scene, preview.steepest
@@ -984,13 +1010,22 @@ def against_plate(preview: Preview) -> Iterator[str]:
     held = preview.tension + 12.0 * bending_stiffness(scene) / preview.assembly.strip.length**2
     if ends_are_held(scene) and stretches > SMALL_STRETCH * held:
         yield f"as it sags between held ends, {stretches:.3g} N/m come to pull it"
+    if scene.strip.mesh is not None and not fills_rectangle(preview.assembly.strip):
+        yield "the outline of its mesh is no rectangle, so that tension varies along"
     if scene.threading is not None:
         yield "[threading] lays the strip around rollers"
     for stage in scene.stages:
-        for name, c in stage.edges.items():
-            if any(v is not None and (v[0] or v[1]) for v in (c.move, c.velocity)):
-                yield f"stage {stage.name} moves {name} in the plane"
-            if c.tension is not None:
-                yield f"{name}.tension in stage {stage.name}: only exit.force pulls a plate"
-            elif c.force is not None and any(c.force[name == "exit" : 2]):
-                yield f"stage {stage.name} pulls {name} in the plane, not by exit.force along x"
+        yield from no_load_of_a_plate(stage)
+
+
+def no_load_of_a_plate(stage: StageSpec) -> Iterator[str]:
+    """What a stage does to edges in the plane, or about them, which no plate takes."""
+    for name, c in stage.edges.items():
+        if c.moment:
+            yield f"stage {stage.name} bends {name}"
+        if any(v is not None and (v[0] or v[1]) for v in (c.move, c.velocity)):
+            yield f"stage {stage.name} moves {name} in the plane"
+        if c.tension is not None:
+            yield f"{name}.tension in stage {stage.name}: only exit.force pulls a plate"
+        elif c.force is not None and any(c.force[name == "exit" : 2]):
+            yield f"stage {stage.name} pulls {name} in the plane, not by exit.force along x"

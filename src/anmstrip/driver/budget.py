@@ -414,9 +414,10 @@ class Budget:
         Returns
         -------
         dict or None
-            As of :func:`~anmstrip.results.wrinkles.loads`; None if it is not known.
+            As of :func:`~anmstrip.results.wrinkles.loads`; None if it is not known, as of strip
+            that is not flat, whose waves grow before.
         """
-        if self.halved is None or onset.beside is None:
+        if self.halved is None or onset.beside is None or self.assembly.imperfection is not None:
             return None
         plan = self.finer_problem(self.halved, stage, onset.state, released)
         try:

@@ -610,9 +610,9 @@ def closed_strip(
             yield Mistake("", f"{key}.rollers", None, expected, 'drive = "speed"')
 
 
-def own_name(threading: Threading, stages: Stages) -> Iterator[Mistake]:
+def own_name(stages: Stages) -> Iterator[Mistake]:
     """Yield a stage that has the name of the threading."""
-    if threading is not None and any(stage.name == THREADING for stage in stages):
+    if any(stage.name == THREADING for stage in stages):
         key = f"stages.{THREADING}.name"
         yield Mistake("", key, THREADING, "another name: [threading] has this one", 'name = "run"')
 

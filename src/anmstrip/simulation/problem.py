@@ -881,6 +881,10 @@ def own_law(
         expected = f"a subclass of anmstrip.{base.__name__}"
         raise scene.refused(key, reference, expected, f"class {name}({base.__name__})")
     known = signature(law).parameters
+    if hidden := [each for each in known if callable(getattr(base, each, None))]:
+        expected = f"other names than {', '.join(hidden)} for what {name} is made of"
+        hint = f"{hidden[0]}_ instead: {base.__name__}.{hidden[0]} is a function of every law"
+        raise scene.refused(key, reference, expected, hint)
     try:
         made = law(**{k: v for k, v in given.items() if k in known}, **parameters)
     except (TypeError, ValueError) as error:
