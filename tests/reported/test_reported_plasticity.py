@@ -846,6 +846,28 @@ def test_a_line_that_rests_first_has_the_mesh_of_its_stationary_state(tmp_path):
     assert abs(curl - alone) < 0.3 * abs(coarse - alone) and not told
 
 
+def test_moments_and_shares_of_hinges_are_bounded_in_vtk_files_as_in_the_profile(tmp_path):
+    """The moment of curvature alone is 16 times as large where the strip comes to lie."""
+    tables = {
+        "strip": {"kinematics": "section", "width": 0.5, "thickness": THICKNESS},
+        "material": WIDE,
+        "friction": {"coefficient": 0.0},
+        "threading": {"tension": 4e4, "entry": [-0.3, 0.0, 0.0], "exit": [0.02, 0.0, -0.4]},
+        "rollers": [{"name": "die", "radius": 0.02, "centre": [0.0, 0.0, -0.02], "wrap": "over"}],
+        "stages": [{"name": "run", "steady": True, "strip": {"speed": 0.1}}],
+    }
+    run = done(Scene.from_tables(tables, "die.toml").run(tmp_path))
+    bear = 2.0 / np.sqrt(3.0) * YIELD * THICKNESS**2 / 4.0  # plastic hinge
+    table = read_history(tmp_path / "profile.csv")
+    last = table["time"] == table["time"].max()
+    most = np.abs(table["moment"][last]).max()
+    assert 0.9 * bear < most < 1.1 * bear * run.flow.level
+    found = read_surface(last_file(tmp_path)).fields
+    assert np.abs(found["bending_moment"][:, 0]).max() == pytest.approx(most, rel=0.02)
+    share = found["plastic_share"]
+    assert share.min() >= 0.0 and share.max() <= 1.0 and found["plastic_strain"].min() >= 0.0
+
+
 def test_a_section_that_flows_all_through_is_told_to_bear_too_much(tmp_path):
     """Pulled by 1 %: λ (σ_y + H (ε - σ_y/E)) of strip that contracts across."""
     end, hardening = {"fixed": ["x", "z"], "centred": True}, 1e9

@@ -168,12 +168,12 @@ class FieldSampler:
         if (own := eigencurvature(state.controls)) is not None:
             bending = bending - own[:, :, None]
         layers = self.layer_fields(state)
-        membrane = self.membrane_forces(state) + layers["force"]
+        membrane = layers["force"] if layers else self.membrane_forces(state)
         stiffness = moduli(self.strip) if state.bends else np.zeros((3, 3))
         moments = np.einsum("xy,yep->xep", stiffness, bending)
         if (loss := state.controls.get("strip.softening")) is not None:
-            moments = moments * (1.0 - self._recovered(loss[None], state.plasticity is not None))
-        moments = moments + layers["moment"]
+            moments = moments * (1.0 - self._recovered(loss[None]))
+        moments = layers.get("moment", moments)
         tension = membrane[0]
         if sheet is not None:  # the work of M on κ = −n · r,ab is also one on the stretch
             stretch = np.linalg.norm(tangents[:, 0], axis=0)
@@ -222,15 +222,19 @@ class FieldSampler:
         return places, number, csr_matrix((weights, (number, np.arange(x.size))))
 
     def layer_fields(self, state: StripState) -> dict[str, Array]:
-        """Return N and M (xx, yy, xy) of plastic strains, and what is read off the layers."""
+        """Return N and M (xx, yy, xy), and what else is read off the layers of yielding strip.
+
+        As a whole: in a hinge those of the strains and those that plastic strains add are many
+        times as large, and jump where strip comes to lie on a roller.
+        """
         if state.plasticity is None:
-            return {"force": np.zeros((3, 1, 1)), "moment": np.zeros((3, 1, 1))}
+            return {}
         from anmstrip.results.plastic import YieldedStrip
 
         layers = YieldedStrip(state, state.plasticity)
         d = len(layers.curvature)
         parts = [layers.plastic_share, layers.face_strain, layers.flow.mises(layers.stress[:, -1])]
-        values = np.vstack([*layers.added, layers.residual_curvature, *parts])
+        values = np.vstack([layers.force, layers.moment, layers.residual_curvature, *parts])
         found = self._recovered(values, layered=True)
         force, moment, left = (np.zeros((3, *found.shape[1:])) for _ in range(3))
         force[:d], moment[:d], left[:d] = found[:d], found[d : 2 * d], found[2 * d : 3 * d]
@@ -256,17 +260,26 @@ class FieldSampler:
             pull = state.controls.get("exit.force", np.zeros(3))[0]
             return np.multiply.outer([pull, 0.0, 0.0], np.ones(shape[1:]))
         forces = _components(state.membrane.at(state.full, state.controls))
-        return self._recovered(forces, state.plasticity is not None)
+        return self._recovered(forces)
 
     def _recovered(self, values: Array, layered: bool = False) -> Array:
         """Values at quadrature points (m, points) as recovered, shape (m, elements, points).
 
-        Of strip with layers that yield, which makes kinks across, by functions linear across too.
+        Of strip with layers that yield, which makes kinks across, by functions linear across too,
+        and within what is found in the elements there.
         """
         from_quadrature, to_points, places = self.recovery[layered]
-        ends = values.reshape(len(values), len(self.own), -1) @ from_quadrature.T
-        sums = [np.bincount(places.ravel(), component.ravel()) for component in ends]
-        return np.asarray((sums / np.bincount(places.ravel()))[:, places] @ to_points.T)
+        inside = values.reshape(len(values), len(self.own), -1)
+        ends, count = inside @ from_quadrature.T, np.bincount(places.ravel())
+        means = np.array([np.bincount(places.ravel(), component.ravel()) for component in ends])
+        means /= count
+        if layered:
+            low, high = (np.full(means.T.shape, bound) for bound in (np.inf, -np.inf))
+            for column in places.T:
+                np.minimum.at(low, column, inside.min(axis=2).T)
+                np.maximum.at(high, column, inside.max(axis=2).T)
+            means = np.clip(means, low.T, high.T)
+        return np.asarray(means[:, places] @ to_points.T)
 
     @cached_property
     def recovery(self) -> list[tuple[Array, Array, Index]]:

@@ -86,12 +86,6 @@ class YieldedStrip:
         """Return what is read off the layers of a state, None where nothing can yield."""
         return None if state.plasticity is None else cls(state, state.plasticity)
 
-    @property
-    def added(self) -> tuple[Array, Array]:
-        """Return what plastic strains add to N (N/m) and to M (N), (k, points) each."""
-        force, moment = self.effect.resultants(self.values, self.state.controls)
-        return np.asarray(force), -np.asarray(moment)
-
     @cached_property
     def residual_curvature(self) -> Array:
         """κ less that of M (1/m), what is left when the moment is taken away, (k, points)."""
