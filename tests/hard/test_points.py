@@ -232,7 +232,7 @@ def test_formula_of_equal_turns(angle: float, n: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("ratio", "points"), [(2.0, 20), (18.4, 80)])
+@pytest.mark.parametrize(("ratio", "points"), [(2.0, 20), (18.4, 60)])
 def test_many_turns(ratio: float, points: int) -> None:
     """D10: up to e^(fθ) = 1e8."""
     right(nodes.many_turns(ratio, points), 2e-4, 2000)

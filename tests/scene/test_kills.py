@@ -229,7 +229,7 @@ SIGNALS = (
 )
 
 
-@pytest.mark.parametrize("runs", [1, pytest.param(23, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("runs", [1, pytest.param(12, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("sign", SIGNALS)
 def test_stopped_runs_end_where_the_other_did(
     whole: Whole, tmp_path: Path, runs: int, sign: signal.Signals
