@@ -573,15 +573,20 @@ def pulled_twice(preview: Preview) -> Iterator[str]:
 
 def heavy_strip(preview: Preview) -> Iterator[str]:
     """Stages in which a span weighs more than tension or bending carries without a deep sag."""
-    largest = preview.tension
+    largest, sagging = preview.tension, dict[str, float]()
     for plan, string in zip(preview.plans, preview.strings, strict=True):
         load, span = weight_of(preview, plan), string.span
         weight, bent = load * span, bending_stiffness(preview.assembly.scene)
         if weight > largest and load * span**3 > 6.0 * STIFF_SLOPE * bent:
-            yield (
-                f"in stage {plan.name} a span of the strip weighs {weight:.2g} N/m, "
-                f"{weight / largest:.2g} times its tension, and sags deeply. Try a larger tension."
-            )
+            sagging[plan.name] = weight
+    if sagging:
+        (first, weight), *others = sagging.items()
+        also = f", as in {', '.join(name for name, _ in others)}" if others else ""
+        yield (
+            f"in stage {first} a span of the strip weighs {weight:.2g} N/m, "
+            f"{weight / largest:.2g} times its tension, and sags deeply{also}. Try a larger "
+            "tension, unless it is meant to hang."
+        )
 
 
 def heavy_pass(preview: Preview) -> Iterator[str]:
