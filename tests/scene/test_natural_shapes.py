@@ -616,7 +616,8 @@ def test_a_run_goes_on_with_its_fields(tmp_path: Path) -> None:
     """Interrupted within a stage that heats, and resumed: as if nothing had been."""
     heat = {"across": (300.0,), "along": ((0.5, 0.0), (1.5, 1.0))}
     stage = {"strip": {"temperature": heat, "coil_set": 2.5}}
-    scene = flat("section", stage, {"exit": {"fixed": ["z"]}}, cells=(20, 1))
+    tables = flat("section", stage, {"exit": {"fixed": ["z"]}}, cells=(20, 1)).to_dict()
+    scene = Scene.from_tables({**tables, "solver": {"tolerance": 1e-5}}, "warm.toml")
     whole, expected = ended(scene)
     assert len(list(scene.run(tmp_path / "whole"))) > 1
     broken = scene.run(tmp_path / "broken")
