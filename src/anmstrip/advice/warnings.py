@@ -26,7 +26,6 @@ from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import KINEMATICS, Kinematics
 from anmstrip.fem.sampling import quadrature_points
 from anmstrip.fem.strip import Strip
-from anmstrip.mechanics.contact import Friction
 from anmstrip.mechanics.roller import Roller
 from anmstrip.results.plastic import MeanFlow
 from anmstrip.results.rollers import RUNNING_SLIP, ContactState
@@ -207,10 +206,10 @@ def unheld_strip(preview: Preview) -> Iterator[str]:
 
 def rubs_at_once(plan: StageProblem) -> bool:
     """Whether strip touches a roller on which it rubs before anything of a stage acts."""
-    full, controls = (
-        plan.supports.full(np.zeros(len(plan.supports.free)), 0.0),
-        plan.controls.at(0.0),
-    )
+    from anmstrip.mechanics.contact import Friction
+
+    controls, free = plan.controls.at(0.0), np.zeros(len(plan.supports.free))
+    full = plan.supports.full(free, 0.0)
     rubbed = [effect.contact for effect in plan.model.effects if isinstance(effect, Friction)]
     return any(bool(np.any(c.gap((full, full), controls) < c.reaches)) for c in rubbed)
 
@@ -1024,7 +1023,7 @@ def against_plate(preview: Preview) -> Iterator[str]:
 
 
 def no_load_of_a_plate(stage: StageSpec) -> Iterator[str]:
-    """What a stage does to edges in the plane, or about them, which no plate takes."""
+    """Yield what a stage does to edges in the plane, or about them, which no plate takes."""
     for name, c in stage.edges.items():
         if c.moment:
             yield f"stage {stage.name} bends {name}"
