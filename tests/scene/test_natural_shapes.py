@@ -24,6 +24,7 @@ from anmstrip.fem.strip import grid
 from anmstrip.mechanics.loads import UnevenTension
 from anmstrip.results.fields import FieldSampler
 from anmstrip.results.wrinkles import Wrinkling
+from anmstrip.simulation.defaults import eigenstrain
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course
 from claims import Claim
@@ -784,6 +785,33 @@ def test_a_sheet_that_may_lengthen_weighs_on_its_rollers_what_it_does_cold(
         assert sum(borne) == pytest.approx(weight, rel=1e-3)
         if state.plan.name == "s2":  # as long again as it was
             assert borne[0] == pytest.approx(borne[2], rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("given", "edges", "share"),
+    [
+        (50.0, {}, 0.0),
+        ({"table": [[-0.5, 0.0], [0.123, 31.15], [0.5, 50.0]]}, {"left": {"fixed": ["z"]}}, 0.0),
+        ({"across": [0.0, 0.0, 200.0]}, {}, 2.0 / 3.0),
+        (50.0, {"exit": {"fixed": ["x"]}}, 1.0),
+        (50.0, {"left": {"fixed": ["y"]}}, 1.0),
+    ],
+)
+def test_strains_that_stress_a_strip_are_those_that_it_cannot_follow(
+    given: Any, edges: dict[str, Any], share: float
+) -> None:
+    """Those linear across bend it in its plane; a parabola of c η² differs by c/6 at the edges."""
+    tables = {
+        "strip": {"length": 1.0, "width": 0.5, "thickness": 1e-3, "temperature": given},
+        "material": {"young": 2e11, "poisson": 0.3, "expansion": 1e-5},
+        "edges": {"entry": {"fixed": ["x"], "centred": True}, **edges},
+        "stages": [{"name": "on"}],
+    }
+    scene = Scene.model_validate(tables)
+    whole = eigenstrain(scene, scene.strip)
+    assert whole == pytest.approx(50.0 * 1e-5)
+    stressing = eigenstrain(scene, scene.strip, stressing=True)
+    assert stressing == pytest.approx(share * whole, rel=0.03, abs=1e-9)
 
 
 @pytest.mark.parametrize(

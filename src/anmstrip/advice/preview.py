@@ -28,7 +28,12 @@ from anmstrip.mechanics.string_path import (
 )
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, EdgeSpec
-from anmstrip.simulation.defaults import bending_stiffness, largest_force, tension_of_moves
+from anmstrip.simulation.defaults import (
+    bending_stiffness,
+    held_ends,
+    largest_force,
+    tension_of_moves,
+)
 from anmstrip.simulation.meshing import axis_crossing
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course, uniform_stretch
@@ -125,7 +130,8 @@ def string_estimate(course: Course) -> StringEstimate:
     load = float(weight + abs(values.get("pressure", 0.0)))
 
     tension = largest_force(a.scene) or tension_of_moves(a.scene)
-    stretches = a.scene.material.young * a.strip.thickness if ends_are_held(a.scene) else 0.0
+    held = len(held_ends(a.scene)) == len(ENDS)
+    stretches = held * a.scene.material.young * a.strip.thickness
 
     def sag(span: float) -> float:
         if not load:
@@ -163,11 +169,6 @@ def string_estimate(course: Course) -> StringEstimate:
         slope = max(abs(end.angle) for end in (entry, exit) if isinstance(end, StraightEnd))
     length = a.strip.length
     return StringEstimate({}, {}, float(slope) + sag(length), gaps=gaps, span=length)
-
-
-def ends_are_held(scene: SceneSpec) -> bool:
-    """Whether both ends are held along the strip."""
-    return all("x" in scene.edges.get(name, EdgeSpec()).fixed for name in ENDS)
 
 
 def laid_string(course: Course) -> tuple[StringPath, list[tuple[Roller, float]], Array] | None:

@@ -15,13 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from anmstrip.advice import physics, units
-from anmstrip.advice.preview import (
-    NEGLIGIBLE_BEARING,
-    Preview,
-    ends_are_held,
-    free_motions,
-    unheld_words,
-)
+from anmstrip.advice.preview import NEGLIGIBLE_BEARING, Preview, free_motions, unheld_words
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import KINEMATICS, Kinematics
 from anmstrip.fem.sampling import quadrature_points
@@ -38,6 +32,7 @@ from anmstrip.simulation.defaults import (
     boundary_layer,
     elastic_creep,
     fastest,
+    held_ends,
     largest_force,
 )
 from anmstrip.simulation.meshing import (
@@ -1012,7 +1007,7 @@ def against_plate(preview: Preview) -> Iterator[str]:
         )
     stretches = scene.material.young * scene.strip.thickness * steep.slope**2 / 6.0
     held = preview.tension + 12.0 * bending_stiffness(scene) / preview.assembly.strip.length**2
-    if ends_are_held(scene) and stretches > SMALL_STRETCH * held:
+    if len(held_ends(scene)) == len(ENDS) and stretches > SMALL_STRETCH * held:
         yield f"as it sags between held ends, {stretches:.3g} N/m come to pull it"
     if scene.strip.mesh is not None and not fills_rectangle(preview.assembly.strip):
         yield "the outline of its mesh is no rectangle, so that tension varies along"

@@ -166,7 +166,8 @@ all stand over that of the line."""
 
 
 RUNAWAY_WAY = 0.01
-"""Part of its length that fed strip has run by then, which no elastic snap gives off."""
+"""Part of its length that fed strip has run by then: elastic snaps give off no more than the
+strain at yield, up to 0.4 per cent."""
 
 
 def has_run_away(state: State, usual: float) -> bool:

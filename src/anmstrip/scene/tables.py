@@ -199,13 +199,17 @@ class FieldSpec(Table):
         return self.at(middles, distance).mean(axis=0)
 
     @property
+    def places(self) -> Any:
+        """Places η all over the width, with the corners of the table, (any,)."""
+        return np.union1d(np.linspace(-0.5, 0.5, 101), [eta for eta, _ in self.table])
+
+    @property
     def samples(self) -> Any:
         """Values at places all over the width by those of the table along, (any, any).
 
         At all corners of the tables, between which values are linear.
         """
-        across = np.union1d(np.linspace(-0.5, 0.5, 101), [eta for eta, _ in self.table])
-        return self.at(across[:, None], np.array([place for place, _ in self.along] or [0.0]))
+        return self.at(self.places[:, None], np.array([place for place, _ in self.along] or [0.0]))
 
 
 class NaturalShape(Table):

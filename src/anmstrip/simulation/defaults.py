@@ -301,27 +301,28 @@ def eigenstrain(scene: SceneSpec, shape: NaturalShape, *, stressing: bool = Fals
     With `stressing` the part of it that stresses the strip: all where edges hold it in its plane,
     else of a shell what is not linear across, and of what varies along by Δ its (b/L)² Δ.
     """
-    strip, edges = scene.strip, scene.edges
+    strip, found = scene.strip, [0.0]
     units = {"temperature": scene.material.expansion or 0.0, "flatness": I_UNIT}
     units["camber"] = 0.5 * (strip.width or 0.0)
-    held = all("x" in edges[name].fixed for name in ENDS if name in edges) and len(edges) > 1
-    held |= any("y" in edge.fixed and not edge.centred for edge in edges.values())
-    free, found = stressing and not held, [0.0]
+    across = any("y" in edge.fixed and not edge.centred for edge in scene.edges.values())
+    free = stressing and not across and len(held_ends(scene)) < len(ENDS)
     for key in units.keys() & shape.natural.keys():
         given = shape.natural[key]
         values = np.asarray(given.samples if isinstance(given, FieldSpec) else given)
-        if free and (key == "camber" or strip.kinematics == "section" or values.ndim < 2):
+        if free and (strip.kinematics == "section" or not isinstance(given, FieldSpec)):
             continue
-        if free:
-            eta, slender = np.linspace(-0.5, 0.5, len(values)), 1.0
-            if strip.length and strip.width:
-                slender = min(1.0, strip.width / strip.length)
+        if free and isinstance(given, FieldSpec):
+            slender = min(1.0, strip.width / strip.length) if strip.length and strip.width else 1.0
             found.append(units[key] * slender**2 * float(np.ptp(values, axis=1).max()))
-            linear = np.polynomial.polynomial.polyfit(eta, values, 1)
-            bent = values - np.polynomial.polynomial.polyval(eta, linear).T
+            bent = values - np.vander(given.places, 2) @ np.polyfit(given.places, values, 1)
             values = np.where(np.abs(bent) > NO_STRAIN * np.abs(values).max(), bent, 0.0)
         found.append(units[key] * float(np.abs(values).max()))
     return max(found)
+
+
+def held_ends(scene: SceneSpec) -> list[str]:
+    """Return which ends of the strip are held along it."""
+    return [name for name in ENDS if name in scene.edges and "x" in scene.edges[name].fixed]
 
 
 def largest_force(scene: SceneSpec) -> float:
@@ -341,8 +342,8 @@ def tension_of_moves(scene: SceneSpec) -> float:
     A roller that comes in by h at the distances a and b from the ends makes the way longer by
     h² (1/a + 1/b)/2.  Strip that yields bears no more than its yield stress.
     """
-    length, ends = scene.strip.length, [scene.edges.get(name) for name in ENDS]
-    if length is None or scene.threading or not all(end and "x" in end.fixed for end in ends):
+    length = scene.strip.length
+    if length is None or scene.threading or len(held_ends(scene)) < len(ENDS):
         return 0.0
     ways, places = [length], {name: (np.zeros(3), np.zeros(3)) for name in ENDS}
     for stage in scene.stages:

@@ -39,7 +39,8 @@ from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import buckling, mode_heights
 from anmstrip.scene.schema import SceneSpec, StageSpec
-from anmstrip.scene.tables import ENDS, THREADING, EdgeSpec
+from anmstrip.scene.tables import ENDS, THREADING
+from anmstrip.simulation.defaults import held_ends
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course, uniform_stretch
 from anmstrip.timestepping.formulas import Errors, Memory, TimeStep, start_memory
@@ -451,8 +452,8 @@ class March:
                 u = uniform_stretch(self.assembly, pulled.pull_at_exit(0.0), begin)[free]
                 found = self._corrected(equations, u)
         elif self._lies_flat(plan):
-            holds = [name for name in ENDS if "x" in self.scene.edges.get(name, EdgeSpec()).fixed]
-            if len(holds) < 2:  # it lengthens without stress
+            holds = held_ends(self.scene)
+            if len(holds) < len(ENDS):  # it lengthens without stress
                 begin = plan.controls.at(0.0)
                 u = uniform_stretch(self.assembly, 0.0, begin, *holds)[free]
             found = self._corrected(equations, u)
