@@ -793,6 +793,7 @@ def test_a_sheet_that_may_lengthen_weighs_on_its_rollers_what_it_does_cold(
         (50.0, {}, 0.0),
         ({"table": [[-0.5, 0.0], [0.123, 31.15], [0.5, 50.0]]}, {"left": {"fixed": ["z"]}}, 0.0),
         ({"across": [0.0, 0.0, 200.0]}, {}, 2.0 / 3.0),
+        ({"across": [50.0], "along": [[0.0, 0.0], [1.0, 1.0]]}, {}, 0.5**2),
         (50.0, {"exit": {"fixed": ["x"]}}, 1.0),
         (50.0, {"left": {"fixed": ["y"]}}, 1.0),
     ],
