@@ -130,10 +130,18 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
         f"and {scales.membrane:g} N/m (membrane forces); tolerance {scene.solver.tolerance:g}, "
         f"order {assembly.order}{', the cheapest' if scene.solver.order is None else ''}."
     )
+    if lighter := lighter_stages(assembly):
+        yield f"Before larger forces act, relative to {lighter}."
     yield from unusual(scene)
     if own in against:
         yield f"Warning: kinematics {own} does not see that {against[own]}."
     yield from (f"Warning: {line}" for line in warnings(preview))
+
+
+def lighter_stages(assembly: Assembly) -> str:
+    """Return the units of membrane forces (N/m) of stages before the largest forces of a scene."""
+    units = [(s.name, assembly.scales_in(s).membrane) for s in assembly.scene.course]
+    return ", ".join(f"{u:g} N/m in stage {name}" for name, u in units if 2.0 * u < units[-1][1])
 
 
 def rate_lines(scene: SceneSpec, assembly: Assembly) -> Iterator[str]:

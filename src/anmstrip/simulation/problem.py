@@ -829,21 +829,27 @@ class Assembly:
 
     @cached_property
     def scales(self) -> Scales:
-        """Scales of length, force and tension: the largest edge force, else of heat or moves.
+        """Scales of length, force and tension of all stages: those of the last one."""
+        return self.scales_in(self.scene.course[-1])
+
+    def scales_in(self, stage: StageSpec) -> Scales:
+        """Scales of a stage: the largest edge force up to its end, else of heat or moves.
 
         Else that of the weight of the whole strip or the pressure on it, or of bending.  Membrane
         forces of strip that is bent until it flows count beside M/t of first yield then: a unit of
         D/L² makes a three-point bending test take 462 tangents instead of 166.
         """
-        tension, yielding = largest_force(self.scene), 0.0
+        stages = [each for each in self.scene.up_to(stage) if each.name != THREADING]
+        scene = self.scene.model_copy(update={"stages": tuple(stages)})
+        tension, yielding = largest_force(scene), 0.0
         if tension == 0.0:
-            strains = (eigenstrain(self.scene, s, stressing=True) for s in self.scene.shapes)
+            strains = (eigenstrain(scene, s, stressing=True) for s in scene.shapes)
             heat = self.strip.tensile_stiffness * max(strains)
-            tension = max(heat, tension_of_moves(self.scene))
+            tension = max(heat, tension_of_moves(scene))
         if tension == 0.0:
-            load = distributed_load(self.scene) * self.strip.length
+            load = distributed_load(scene) * self.strip.length
             tension = max(load, self.strip.bending_stiffness / self.strip.length**2)
-            yielding = (flow_stress(self.scene) or 0.0) * self.strip.thickness / 6.0
+            yielding = (flow_stress(scene) or 0.0) * self.strip.thickness / 6.0
         return Scales(self.strip.length, tension * self.strip.width, tension, yielding)
 
 

@@ -164,7 +164,7 @@ class Course:
                 slope["strip.passing"] = np.array(after - before)
         strains = a.plasticity(stage)
         units = None if strains is None else strains.units
-        given = a.scales, a.turning, a.conveyed, pull, units
+        given = a.scales_in(stage), a.turning, a.conveyed, pull, units
         return StageProblem(
             name=stage.name,
             start=self.time,
