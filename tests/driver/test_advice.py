@@ -728,6 +728,7 @@ ELSEWHERE = {
     "of_mesh": "the budget, of a mesh that is too coarse",
     "propose_one_mesh": "reads what others propose, in test_wrinkle_onsets.py",
     "shorter": "of the budget, in test_wrinkle_onsets.py",
+    "holding_ends": "of what a last state shows, in test_feeding.py",
     "useless": "test_reported_errors.py",
     "of_path": "test_reported_errors.py",
     "motions_at": "test_freedom.py",

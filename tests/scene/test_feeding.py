@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
 import pytest
 
+from anmstrip.driver.explain import report
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.equilibrium import Equilibrium
@@ -282,3 +284,25 @@ def test_heat_along_a_fed_strip_stays_where_it_is_in_space() -> None:
             speed * (1.0 + 1.25e-5 * heat), rel=2e-4
         )
     assert run.cost.factorisations < 60
+
+
+def test_strip_that_slides_as_its_entry_holds_it_is_told_so_and_runs_once_let_go() -> None:
+    """A drawing of a line says nothing of how its ends are led."""
+    places = {"a": (0.0, -0.3, "over"), "b": (1.0, -0.9, "under")}
+    turning = {name: {"surface_speed": 0.5} for name in places}
+    line = tables(
+        friction={"coefficient": 0.2},
+        rollers=[{"name": name, "radius": 0.3, "centre": [x, 0.0, z], "wrap": wrap}
+                 for name, (x, z, wrap) in places.items()],
+        threading={"tension": 1e4, "entry": [-1.0, 0.0, -0.6], "exit": [2.0, 0.0, -0.4]},
+        stages=[{"name": "start", "duration": 2.0, "rollers": turning}],
+    )  # fmt: skip
+    held = Scene.from_tables(line, "line.toml").run()
+    *_, last = held
+    told = report(held)
+    assert last.state.strip_speed == 0.0 and "slides over all driven rollers" in told
+    (setting,) = re.findall(r"Its entry holds it. To let it run, try --set (\S+)", told)
+    running = Scene.from_tables(line, "line.toml", [setting]).run()
+    *_, last = running
+    assert running.outcome.done and last.state.strip_speed == pytest.approx(0.5, rel=1e-3)
+    assert "holds it" not in report(running) and "slides over" not in report(running)

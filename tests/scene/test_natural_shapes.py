@@ -787,6 +787,34 @@ def test_a_sheet_that_may_lengthen_weighs_on_its_rollers_what_it_does_cold(
             assert borne[0] == pytest.approx(borne[2], rel=5e-3)
 
 
+def test_a_sheet_is_laid_by_its_weight_whatever_pulls_it_later() -> None:
+    """Errors of a stage are shares of what acts up to its end: a later 1e5 N/m made 55.6 N of 31.
+
+    What the rollers bear is the weight.
+    """
+    length, width, thickness, density = 0.8, 0.5, 1e-3, 7850.0
+    tables = {
+        "strip": {
+            "kinematics": "section", "length": length, "width": width, "thickness": thickness
+        },
+        "material": {"young": 2e11, "poisson": 0.3, "density": density},
+        "contact": {},
+        "rollers": [{"radius": 0.1, "centre": [x, 0.0, -0.1]} for x in (-0.3, 0.0, 0.3)],
+        "edges": {"entry": {"fixed": ["x"]}},
+        "stages": [
+            {"name": "lay", "gravity": [0.0, 0.0, -9.81]},
+            {"name": "pull", "exit": {"force": [1e5, 0.0, 0.0]}},
+        ],
+    }  # fmt: skip
+    scene = Scene.from_tables(tables, "sheet.toml")
+    weight = density * 9.81 * thickness * width * length
+    words = f"relative to {weight / width:g} N/m in stage lay"
+    assert words in " ".join(explain(scene).split())
+    laid = {step.stage: step.state for step in scene.run()}["lay"]
+    borne = [reading.normal_force for reading in laid.rollers.values()]
+    assert sum(borne) == pytest.approx(weight, rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("given", "edges", "share"),
     [

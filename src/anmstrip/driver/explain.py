@@ -18,7 +18,7 @@ from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import InputError, Mistake, printable
 from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
 from anmstrip.results.files import error_rows
-from anmstrip.scene.checks import moved_ends
+from anmstrip.scene.checks import held_along, moved_ends
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, FieldSpec
 from anmstrip.simulation.defaults import (
@@ -484,11 +484,24 @@ def report(run: Run, told: Collection[str] = ()) -> str:
             every = turning and len(slid) == len(touched) > 1
             where = "all driven rollers that it touches" if every else None
             parts.append(f"The strip slides over {where or ', '.join(slid)}.")
+            if turning and len(slid) == len(touched):
+                parts += holding_ends(run.scene, state)
         parts += runaway_slips(state)
         if any(part is not None for part in run.errors().values()):
             parts.append(error_table(run))
     fresh = (warning for warning in run.warnings if warning not in told)
     return text_of([*parts, *(f"Warning: {warning}" for warning in fresh)])
+
+
+def holding_ends(scene: SceneSpec, state: State) -> Iterator[str]:
+    """Yield which ends hold fed strip at rest, and what lets it run with its rollers."""
+    held = {
+        stage.name: ends for stage, ends in held_along(scene.threading, scene.edges, scene.stages)
+    }
+    turning = [s.name for s in scene.stages if any(c.surface_speed for c in s.rollers.values())]
+    if state.strip_speed == 0.0 and turning and (ends := held.get(state.plan.name)):
+        release = " and ".join(f"stages.{turning[0]}.{name}.release=true" for name in sorted(ends))
+        yield f"Its {' and '.join(sorted(ends))} holds it. To let it run, try --set {release}"
 
 
 def runaway_slips(state: State) -> Iterator[str]:
