@@ -1095,6 +1095,10 @@ def nip_forces(preview: Preview) -> Iterator[str]:
             force, more = (nip_force(assembly, nip, nip.squeeze + s) for s in (0.0, closer))
             drawn = [r.name for r in (nip.first, nip.second) if preview.turn(r) > MAX_LYING_TURN]
             bent = f" were it straight, but it is drawn round {drawn[0]}" if drawn else ""
+            low = min(nip.first, nip.second, key=lambda roller: roller.centre[2])
+            if weight := borne_weight(preview, low):
+                force, more = (off_one_roller(each, weight) for each in (force, more))
+                bent = f", as {weight:.3g} N of its weight lay it on {low.name}"
             yield (
                 f"{told}, and press it with about {force:.2g} N{bent}. The force of a nip cannot "
                 "be given: it follows from the gap by the law of contact, and is "
@@ -1102,6 +1106,34 @@ def nip_forces(preview: Preview) -> Iterator[str]:
             )
         elif nip.gap < thickness * (1.0 - 1e-9):
             yield f"{told}, and touch its mid-surface alone (contact.faces)."
+
+
+def borne_weight(preview: Preview, roller: Roller) -> float:
+    """Return the weight (N) of flat strip that a roller below it bears: half of the spans beside.
+
+    The outermost one bears all that is beyond it.
+    """
+    assembly = preview.assembly
+    gravity = [plan.controls.at(1.0).get("gravity", np.zeros(3))[2] for plan in preview.plans]
+    if assembly.thread is not None:
+        return 0.0
+    held = {name for name, edge in assembly.scene.edges.items() if "z" in edge.fixed}
+    ends, x = assembly.strip.span, roller.centre[0]
+    places = [end for name, end in zip(ENDS, ends, strict=True) if name in held]
+    places += [each.centre[0] for each in assembly.rollers if each.centre[2] < 0.0]
+    before = max((0.5 * (place + x) for place in places if place < x), default=ends[0])
+    behind = min((0.5 * (place + x) for place in places if place > x), default=ends[1])
+    mass = assembly.material.density * assembly.strip.thickness * assembly.strip.width
+    return mass * max(-min(gravity), 0.0) * (behind - before)
+
+
+def off_one_roller(force: float, load: float) -> float:
+    """Return the force of a nip on the roller off which a load comes that lies on the other one.
+
+    By an exponential law the product of both forces stays, so that from F each they become
+    √(F² + load²/4) ± load/2.
+    """
+    return float(np.hypot(force, 0.5 * load)) - 0.5 * load
 
 
 def crushes(assembly: Assembly, nip: Nip) -> bool:
@@ -1134,12 +1166,10 @@ def nip_force(assembly: Assembly, nip: Nip, squeeze: float) -> float:
 def nip_friction(assembly: Assembly, nip: Nip, load: float, sure: float) -> float:
     """Return what friction holds by a nip (N/m), beyond that of what loads one roller (N/m).
 
-    Strip that is laid on one roller by its tension comes off the other one: by an exponential law
-    the product of both forces stays, so that from F each they become
-    √(F² + load²/4) ± load/2.
+    Strip that is laid on one roller by its tension comes off the other one.
     """
     force = nip_force(assembly, nip, nip.squeeze) / (sure * assembly.strip.width)
-    return driven_friction(assembly, nip) * (float(np.hypot(force, 0.5 * load)) - 0.5 * load)
+    return driven_friction(assembly, nip) * off_one_roller(force, load)
 
 
 def driven_friction(assembly: Assembly, nip: Nip) -> float:
