@@ -807,19 +807,51 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
                 order = [r.name for r in touched]  # along the strip
                 piles = order.index(fast) < order.index(name) and distributed_load(assembly.scene)
                 or_not = ", or gathers between them and hangs slack" if piles else ""
-                key, typed = "surface_speed", given * carrying_sense(told, assembly.thread)
-                control = stage.rollers.get(name)
-                if control is not None and control.angular_speed is not None:
-                    key, typed = "angular_speed", typed / told.radius
-                else:
-                    typed *= told.sense
                 yield (
                     f"roller {name} {how} in stage {stage.name} while {fast} goes at {given:g} "
                     f"m/s: the strip slips on one of them{or_not}. "
                     f'Try rollers.{name}.drive = "idle" and no speed of it, or '
-                    f"--set stages.{stage.name}.rollers.{name}.{key}={typed:g}"
+                    f"{typed_speed(assembly, stage, told, given)}"
                 )
                 return
+
+
+def typed_speed(assembly: Assembly, stage: StageSpec, roller: Roller, speed: float) -> str:
+    """Return what to type so that a roller carries strip on at a speed (m/s) in a stage."""
+    key, typed = "surface_speed", speed * carrying_sense(roller, assembly.thread)
+    control = stage.rollers.get(roller.name)
+    if control is not None and control.angular_speed is not None:
+        key, typed = "angular_speed", typed / roller.radius
+    else:
+        typed *= roller.sense
+    return f"--set stages.{stage.name}.rollers.{roller.name}.{key}={typed:g}"
+
+
+def opposed_nip(preview: Preview) -> Iterator[str]:
+    """Driven rollers of a nip that rub the strip in opposite directions.
+
+    The one is told that turns against most of the line, else the one that carries strip back.
+    """
+    assembly = preview.assembly
+    rub = {spec.name for spec in assembly.scene.rollers if coefficient_on(assembly.scene, spec)}
+    driven = [r for r in assembly.rollers if r.name in rub and r.name not in assembly.turning]
+    carried = carrying_speeds(assembly, driven)
+    for (stage, last), nips in zip(carried, assembly.layout.nips[1:], strict=True):
+        for nip in nips if stage.steady or assembly.rubs(stage) else ():
+            pair = (nip.second, nip.first)
+            speeds = {roller.name: last.get(roller.name, 0.0) for roller in pair}
+            wrapped = all(preview.turn(roller) for roller in pair)  # see unequal_speeds
+            if np.prod(list(speeds.values())) >= 0.0 or wrapped:
+                continue
+            line = sum(map(np.sign, last.values())) or 1.0
+            wrong, right = sorted(pair, key=lambda roller: speeds[roller.name] * line)
+            yield (
+                f"rollers {right.name} and {wrong.name} nip the strip in stage {stage.name} and "
+                f"carry it on at {speeds[right.name]:g} m/s and at {speeds[wrong.name]:g} m/s, "
+                "against each other: it slips on one of them. Unless that is meant, try "
+                f"{typed_speed(assembly, stage, wrong, speeds[right.name])}"
+            )
+            return
 
 
 def standing_rollers(preview: Preview) -> Iterator[str]:
@@ -1461,5 +1493,6 @@ PHYSICS_RULES = (
     stretched_beyond_yield,
     gravity_upwards,
     unequal_speeds,
+    opposed_nip,
     standing_rollers,
 )
