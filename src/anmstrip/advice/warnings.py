@@ -643,7 +643,7 @@ def coarse_mesh(preview: Preview) -> Iterator[str]:
         estimated = "; the run estimates what that costs" * preview.assembly.can_halve
         yield (
             f"elements over {', '.join(names)} are {size} long, more than a quarter of the "
-            f"boundary layer √(D/T) = {layer:.3g} m{estimated}. "
+            f"boundary layer of {layer:.3g} m{estimated}. "
             f"Try {finer_mesh(scene, LAYER_SHARE * layer)}"
         )
 
