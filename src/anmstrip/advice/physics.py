@@ -732,6 +732,14 @@ def yield_stress(scene: SceneSpec) -> float:
     return m.yield_stress or (METAL_YIELD_STRAIN * m.young if is_metal(scene) else np.inf)
 
 
+def assumed_yield(scene: SceneSpec) -> str:
+    """Return what a yield stress is taken from that nobody has typed, else nothing."""
+    if scene.material.yield_stress is not None:
+        return ""
+    strain = 100.0 * METAL_YIELD_STRAIN
+    return f" (taken for a strain of {strain:g} %, as there is no material.yield_stress)"
+
+
 def stretched_beyond_yield(preview: Preview) -> Iterator[str]:
     """Tensions beyond the yield stress, or under which all of strip that yields flows.
 
@@ -750,7 +758,7 @@ def stretched_beyond_yield(preview: Preview) -> Iterator[str]:
         pulled, yields = (told_stress(scene, each) for each in (stress, limit))
         yield (
             f"the largest tension, {preview.tension:.3g} N/m, is a stress of {pulled}, beyond "
-            f"{yields}, at which all of the strip {how}. Try tensions below "
+            f"{yields}{assumed_yield(scene)}, at which all of the strip {how}. Try tensions below "
             f"{two_digits(limit * t, np.floor):.2g} N/m, in N per metre of width."
         )
 

@@ -356,11 +356,12 @@ def overstretched(state: State, scene: SceneSpec) -> Iterator[str]:
     if most > limit:
         edge = scene.edges.get("exit")
         free = [each for each in edge.fixed if each != "x"] if edge is not None else []
-        cure = f"'edges.exit.fixed={json.dumps(free)}'"
+        cure = f"--set 'edges.exit.fixed={json.dumps(free)}'"
         held = edge is not None and "x" in edge.fixed and largest_force(scene) > 0.0
         yield (
-            f"the strip is pulled by up to {most:.3g} N/m, and yields at {limit:.3g} N/m: what is "
-            f"held or moved stretches it. Try {f'--set {cure}' if held else 'smaller moves'}"
+            f"the strip is pulled by up to {most:.3g} N/m, and yields at {limit:.3g} N/m"
+            f"{physics.assumed_yield(scene)}: what is held or moved stretches it. "
+            f"Try {cure if held else 'smaller moves'}"
         )
 
 
