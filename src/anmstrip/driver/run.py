@@ -30,7 +30,7 @@ from anmstrip.continuation.path import Cost, Outcome, PathStopped
 from anmstrip.driver.budget import LARGE_MESH_ERROR, Budget, Part, tension_readings
 from anmstrip.driver.recorder import Recorder, history_row, identity, kept_values, read_checkpoint
 from anmstrip.equilibrium import StageProblem
-from anmstrip.errors import Named
+from anmstrip.errors import Named, as_path
 from anmstrip.fem.geometry import SHELL
 from anmstrip.linalg.direct import SingularTangentError
 from anmstrip.results.files import ERROR_WORDS, read_history
@@ -245,7 +245,7 @@ class Run:
             raise TypeError(f"expected a scene, as Scene.load({scene!r}) returns; given {scene!r}")
         if not isinstance(effects, Iterable):
             raise TypeError(f"expected a list of functions of the strip; given effects={effects!r}")
-        self.directory = None if directory is None else Path(directory)
+        self.directory = None if directory is None else as_path("directory", directory)
         bent = None if scene.strip.imperfection is None else imperfection_of(scene)
         a = self.assembly = Assembly(scene, bent, tuple(effects))
         self.scene, self.march, self.identity = a.scene, March(a), identity(a)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -21,7 +21,7 @@ from anmstrip.continuation.path import Branch, Outcome, PathStopped
 from anmstrip.driver.run import Run, spins_away
 from anmstrip.driver.sensitivities import response, unknown_name
 from anmstrip.equilibrium import StageProblem
-from anmstrip.errors import InputError, Mistake
+from anmstrip.errors import InputError, Mistake, as_path, as_texts
 from anmstrip.results.files import write_summary, write_table
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec, StageSpec
@@ -267,7 +267,7 @@ class OperatingMap:
     ----------
     scene : SceneSpec
         Its last stage is steady.
-    along : sequence of str
+    along : iterable of str
         One or two texts ``KEY=first:last`` or ``KEY=first:last:number``, with the keys of a stage:
         ``strip.speed``, ``entry.tension``, ``exit.tension``, ``rollers.NAME.surface_speed``, ….
     directory : path, optional
@@ -295,10 +295,11 @@ class OperatingMap:
     def __init__(
         self,
         scene: SceneSpec,
-        along: Sequence[str],
+        along: Iterable[str],
         directory: str | Path | None = None,
         effects: Iterable[EffectMaker] = (),
     ) -> None:
+        along = as_texts("along", along)
         require_steady_end(scene, "a map is made of stationary states")
         if not 1 <= len(along) <= 2:
             raise wrong_control(" ".join(along), "", "one control or two", len(along))
@@ -307,7 +308,7 @@ class OperatingMap:
         self.stages = [[a.stage(scene, v) for v in a.values[[0, -1]]] for a in self.along]
         if len({a.key for a in self.along}) < len(along):
             raise wrong_control(along[1], self.along[1].key, "another control")
-        self.directory = None if directory is None else Path(directory)
+        self.directory = None if directory is None else as_path("directory", directory)
         self.run = Run(scene, effects=effects)
         self.curves: list[Curve] = []
         self.rows: list[dict[str, Any]] = []
