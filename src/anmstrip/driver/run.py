@@ -86,6 +86,7 @@ CHECKPOINT_ATTRIBUTES = {
     **{name: name for name in ("steps", "stages", "effects", "snaps", "wrinkles")},
     **{name: f"march.{name}" for name in ("reached", "slack", "conveyed")},
     "timed": "cost.seconds",
+    "linear_solver": "march.solver.name",
     **{name: f"cost.{name}" for name in ("expansions", "factorisations")},
     **{"stage": "first_stage", "seconds": "spent", "looked": "budget.time"},
     "course_time": "march.course.time",
