@@ -181,6 +181,20 @@ def test_values_of_a_wrong_type_are_told(call: Any, kind: type[Exception], words
         call(Path(__file__).parents[2] / "examples/bridle_map.toml")
 
 
+@pytest.mark.parametrize("begin", ["run", "map"])
+def test_results_that_cannot_be_written_are_wrong_input(begin: str, tmp_path: Path) -> None:
+    """A map was followed to its end before, and either ended in an OSError."""
+    scene = Scene.load(Path(__file__).parents[2] / "examples/bridle_map.toml")
+    taken = tmp_path / "taken"
+    taken.write_text("", encoding="utf-8")
+    with pytest.raises(InputError, match="a directory that can be made and written") as caught:
+        if begin == "run":
+            scene.run(taken / "results")
+        else:
+            scene.map("rollers.lower.surface_speed=0.99996:1.00004", directory=taken)
+    assert caught.value.mistakes[0].file.startswith(str(taken))
+
+
 def test_a_path_in_the_place_of_a_scene_is_told_how_to_be_loaded() -> None:
     with pytest.raises(TypeError, match=r"as Scene.load\('line.toml'\) returns"):
         anmstrip.Run("line.toml")  # type: ignore[arg-type]

@@ -22,7 +22,7 @@ from anmstrip.driver.run import Run, spins_away
 from anmstrip.driver.sensitivities import response, unknown_name
 from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import InputError, Mistake, as_path, as_texts
-from anmstrip.results.files import write_summary, write_table
+from anmstrip.results.files import make_directory, write_summary, write_table
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.simulation.defaults import regularising_speed
@@ -319,6 +319,8 @@ class OperatingMap:
     def __iter__(self) -> Iterator[MapStep]:
         """Yield how far the map is, after every step."""
         run, seconds = self.run, [None] if len(self.along) == 1 else self.along[1].values
+        if self.directory is not None:
+            make_directory(self.directory)
         share = 1.0 / (1 + len(seconds))
         for step in run:
             yield MapStep(f"{step.stage}, {step.tangents} tangents", share * step.fraction)
@@ -473,7 +475,6 @@ class OperatingMap:
         """Write table, figure and summary."""
         from anmstrip.pictures.curves import map_figure, save_figure
 
-        directory.mkdir(parents=True, exist_ok=True)
         keys = [along.key for along in self.along]
         write_table(directory / "map.csv", list(self.rows[0]) if self.rows else keys, self.rows)
         names = [roller.name for roller in self.run.assembly.rollers]
@@ -547,7 +548,7 @@ def respond(scene: SceneSpec, of: str, to: str, directory: Path) -> str:
     gain, phase = np.abs(found[name]), np.degrees(np.unwrap(np.angle(found[name])))
     columns = "omega", "gain", "phase"
     rows = (dict(zip(columns, row, strict=True)) for row in zip(omega, gain, phase, strict=True))
-    directory.mkdir(parents=True, exist_ok=True)
+    make_directory(directory)
     write_table(directory / "response.csv", columns, rows)
     save_figure(response_figure(omega, gain, phase, f"{name} to {to}"), directory / "response.png")
     return (
