@@ -254,7 +254,7 @@ def test_law_that_cannot_be_used(
     path = written(tmp_path, law, parameters)
     (tmp_path / "leaves_python.py").write_text("raise SystemExit", encoding="utf-8")
     (tmp_path / "divides.py").write_text("one = 1\none / 0\n", encoding="utf-8")
-    (tmp_path / "misspelt.py").write_text("one = 1\nclass Law[\n", encoding="utf-8")
+    (tmp_path / "misspelt.py").write_text("one = 1\nclass 3:\n", encoding="utf-8")
     (tmp_path / "picky_law.py").write_text(PICKY, encoding="utf-8")
     with pytest.raises(InputError) as caught:
         Run(Scene.load(path)).assembly.friction  # noqa: B018
