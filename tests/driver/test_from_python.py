@@ -198,6 +198,8 @@ def test_results_that_cannot_be_written_are_wrong_input(begin: str, tmp_path: Pa
 def test_a_path_in_the_place_of_a_scene_is_told_how_to_be_loaded() -> None:
     with pytest.raises(TypeError, match=r"as Scene.load\('line.toml'\) returns"):
         anmstrip.Run("line.toml")  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match=r"as Scene.load\('line.toml'\) returns"):
+        anmstrip.accuracy("line.toml", directory="results")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ import numpy as np
 from anmstrip.advice.preview import Preview, free_motions
 from anmstrip.advice.warnings import levels
 from anmstrip.driver.explain import cell, plain_table, text_of
-from anmstrip.driver.run import Run
+from anmstrip.driver.run import Run, require_scene
 from anmstrip.driver.scene import Scene
 from anmstrip.driver.sweep import CHECKPOINT, SUMMARY, Sweep, Variant, folder_name, run_scene
 from anmstrip.errors import InputError, Mistake, as_path, as_texts
@@ -256,6 +256,7 @@ class Accuracy(Sweep):
     """
 
     def __init__(self, scene: Scene, along: Iterable[str] = (), *, directory: str | Path) -> None:
+        require_scene(scene)
         self.scene, self.assembly = scene, Assembly(scene)
         every, chosen = tuple(list_trials(self.assembly, scene)), as_texts("along", along)
         known = list(dict.fromkeys(trial.along for trial in every))

@@ -201,6 +201,12 @@ def endless(state: State, usual: float, goes_on: bool) -> Outcome | None:
     return Outcome.RAN_AWAY if has_run_away(state, usual) else None
 
 
+def require_scene(scene: object) -> None:
+    """Refuse anything but a scene, as its path."""
+    if not isinstance(scene, SceneSpec):
+        raise TypeError(f"expected a scene, as Scene.load({scene!r}) returns; given {scene!r}")
+
+
 class Run:
     """Iterator over the accepted steps of a scene; writes results as it goes.
 
@@ -242,8 +248,7 @@ class Run:
         resume: bool = False,
         effects: Iterable[EffectMaker] = (),
     ) -> None:
-        if not isinstance(scene, SceneSpec):
-            raise TypeError(f"expected a scene, as Scene.load({scene!r}) returns; given {scene!r}")
+        require_scene(scene)
         if not isinstance(effects, Iterable):
             raise TypeError(f"expected a list of functions of the strip; given effects={effects!r}")
         self.directory = None if directory is None else as_path("directory", directory)
