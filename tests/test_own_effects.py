@@ -213,11 +213,35 @@ def test_an_effect_that_has_no_velocity_of_the_strip_is_told_of(
         assert force == pytest.approx(1e4 - 1000.0 * 0.5 * 4.0, rel=5e-3)
 
 
+PICKY = """from anmstrip import FrictionLaw
+def check():
+    raise ValueError("too low")
+class Picky(FrictionLaw):
+    def __init__(self):
+        check()
+    def __call__(self, normal, slip):
+        return slip * normal
+"""
+
+
 @pytest.mark.parametrize(
     ("law", "parameters", "key", "words"),
     [
-        ("no_such_module:Law", "{}", "friction.law", "No module named"),
+        ("no_such_module:Law", "{}", "friction.law", "No module named 'no_such_module')"),
         ("leaves_python:Law", "{}", "friction.law", "a module and a class in it"),
+        (
+            "divides:Law",
+            "{}",
+            "friction.law",
+            "(ZeroDivisionError: division by zero, line 2 of divides.py)",
+        ),
+        ("misspelt:Law", "{}", "friction.law", "misspelt.py, line 2"),
+        (
+            "picky_law:Picky",
+            "{}",
+            "friction.parameters",
+            "(ValueError: too low, line 3 of picky_law.py)",
+        ),
         ("stribeck_law:Missing", "{}", "friction.law", "Missing"),
         ("stribeck_law:np", "{}", "friction.law", "a subclass of anmstrip.FrictionLaw"),
         ("stribeck_law:Stribeck", "{ drop = 1.0 }", "friction.parameters", "drop"),
@@ -229,6 +253,9 @@ def test_law_that_cannot_be_used(
 ) -> None:
     path = written(tmp_path, law, parameters)
     (tmp_path / "leaves_python.py").write_text("raise SystemExit", encoding="utf-8")
+    (tmp_path / "divides.py").write_text("one = 1\none / 0\n", encoding="utf-8")
+    (tmp_path / "misspelt.py").write_text("one = 1\nclass 3:\n", encoding="utf-8")
+    (tmp_path / "picky_law.py").write_text(PICKY, encoding="utf-8")
     with pytest.raises(InputError) as caught:
         Run(Scene.load(path)).assembly.friction  # noqa: B018
     told = {mistake.key: str(mistake) for mistake in caught.value.mistakes}

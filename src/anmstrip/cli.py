@@ -385,10 +385,9 @@ def explain_command(scene: Scene, picture: Path | None) -> None:
     from anmstrip.driver.explain import draw_line, explain
 
     if picture is not None:
-        picture.parent.mkdir(parents=True, exist_ok=True)
+        draw_line(scene, picture)
     click.echo(explain(scene))
     if picture is not None:
-        draw_line(scene, picture)
         click.echo(f"Picture in {picture}.")
 
 

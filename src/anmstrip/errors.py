@@ -6,6 +6,8 @@ import reprlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
+from os import PathLike
+from pathlib import Path
 from typing import NoReturn, TypeVar
 
 Value = TypeVar("Value")
@@ -92,6 +94,28 @@ def nearest(word: str, known: Iterable[str]) -> str:
         return f"{small[matches[0]]} (the nearest known one)"
     known = [*known[:MAX_LISTED], "…"] if len(known) > MAX_LISTED else known
     return f"one of: {', '.join(known)}" if known else "nothing; take it out"
+
+
+def as_path(name: str, given: object) -> Path:
+    """Return the path that a function is given as an argument, or refuse what is none."""
+    if not isinstance(given, str | PathLike):
+        raise TypeError(f"expected a path, as a text or a Path; given {name}={given!r}")
+    return Path(given)
+
+
+def as_texts(name: str, given: object) -> list[str]:
+    """Return the texts that a function is given, also a single one, or refuse what are none.
+
+    Examples
+    --------
+    >>> as_texts("overrides", "friction.coefficient=0.2")
+    ['friction.coefficient=0.2']
+    """
+    if isinstance(given, str):
+        return [given]
+    if not isinstance(given, Iterable):
+        raise TypeError(f"expected a list of texts; given {name}={given!r}")
+    return [str(text) for text in given]
 
 
 class Named(dict[str, Value]):

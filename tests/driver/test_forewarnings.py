@@ -451,6 +451,15 @@ def test_what_is_wrong_with_the_physics_is_said_before_the_run(
     assert typed in found[0]
 
 
+def test_a_yield_stress_that_is_not_typed_is_told_to_be_assumed() -> None:
+    """The line was told to yield at 1000 MPa, whatever it is made of."""
+    pulls = [(f"stages.1.{end}.tension", 1.5e6) for end in ("entry", "exit")]
+    assumed = "beyond 1000 MPa (taken for a strain of 0.5 %, as there is no material.yield_stress)"
+    assert any(assumed in line for line in told(*pulls))
+    typed = told(*pulls, ("material.yield_stress", 1e9))
+    assert any("beyond 1000 MPa, at which" in line for line in typed)
+
+
 FIELD = sorted((Path(__file__).parents[1] / "field").glob("*.toml"))
 
 

@@ -150,9 +150,56 @@ def test_the_package_has_a_version_and_types() -> None:
     assert (Path(anmstrip.__file__).parent / "py.typed").is_file()
 
 
+def test_tables_may_come_from_generators() -> None:
+    """They ended in a TypeError of the program itself."""
+    stages = (dict(stage) for stage in TABLES["stages"])
+    cells = {**TABLES["strip"], "cells": map(int, "84")}
+    made = Scene(**{**TABLES, "strip": cells, "stages": stages, "rollers": {}.values()})
+    assert made == Scene(**{**TABLES, "strip": {**TABLES["strip"], "cells": [8, 4]}})
+
+
+@pytest.mark.parametrize(
+    ("call", "kind", "words"),
+    [
+        (lambda path: Scene.load(path, [3]), InputError, "KEY=VALUE"),
+        (lambda path: Scene.load(path, 3), TypeError, "a list of texts; given overrides=3"),
+        (lambda path: Scene.load(None), TypeError, "a path, .* given path=None"),
+        (lambda path: Scene.from_tables(3, path), TypeError, "a dict; given tables=3"),
+        (lambda path: Scene.load(path).map(3), InputError, "KEY=first:last"),
+        (lambda path: Scene.load(path).run(3), TypeError, "a path, .* given directory=3"),
+        (lambda path: Scene(**{**TABLES, "stages": [{3: 4}]}), InputError, "a known key"),
+        (lambda path: Scene(**{**TABLES, "rollers": {1, 2}}), InputError, "a list of tables"),
+        (
+            lambda path: anmstrip.accuracy(Scene.load(path), 3, directory="results"),
+            TypeError,
+            "a list of texts; given along=3",
+        ),
+    ],
+)
+def test_values_of_a_wrong_type_are_told(call: Any, kind: type[Exception], words: str) -> None:
+    with pytest.raises(kind, match=words):
+        call(Path(__file__).parents[2] / "examples/bridle_map.toml")
+
+
+@pytest.mark.parametrize("begin", ["run", "map"])
+def test_results_that_cannot_be_written_are_wrong_input(begin: str, tmp_path: Path) -> None:
+    """A map was followed to its end before, and either ended in an OSError."""
+    scene = Scene.load(Path(__file__).parents[2] / "examples/bridle_map.toml")
+    taken = tmp_path / "taken"
+    taken.write_text("", encoding="utf-8")
+    with pytest.raises(InputError, match="a directory that can be made and written") as caught:
+        if begin == "run":
+            scene.run(taken / "results")
+        else:
+            scene.map("rollers.lower.surface_speed=0.99996:1.00004", directory=taken)
+    assert caught.value.mistakes[0].file.startswith(str(taken))
+
+
 def test_a_path_in_the_place_of_a_scene_is_told_how_to_be_loaded() -> None:
     with pytest.raises(TypeError, match=r"as Scene.load\('line.toml'\) returns"):
         anmstrip.Run("line.toml")  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match=r"as Scene.load\('line.toml'\) returns"):
+        anmstrip.accuracy("line.toml", directory="results")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

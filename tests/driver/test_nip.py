@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_advice import typed
+from test_advice import PLATE, typed
 from test_diagnosis import stalled
 
 from anmstrip.advice.diagnosis import Failure, diagnosis
@@ -119,6 +119,24 @@ def test_the_force_on_a_drum_is_told_for_straight_strip(tension: float, share: f
     assert force == pytest.approx(share * float(found[1]), rel=0.05)
     turn = run.assembly.thread.turns["drum"]
     assert on_drum - force == pytest.approx(2.0 * tension * np.sin(0.5 * turn), rel=0.02)
+
+
+def test_weight_lays_a_plate_on_the_lower_roller_of_a_nip() -> None:
+    """It was told to be pressed as without weight, with 130 times as much."""
+    tables = copy.deepcopy(PLATE)
+    tables["strip"]["length"], tables["contact"] = 3.6, {"faces": True}
+    places = (-1.6, -0.8, 0.0, 0.8, 1.6)
+    tables["rollers"] = [{"radius": 0.15, "centre": [x, 0.0, -0.16]} for x in places]
+    tables["rollers"].append({"name": "up", "radius": 0.15, "centre": [0.0, 0.0, 0.16]})
+    tables["edges"], tables["stages"] = {"entry": {"fixed": ["x"]}}, tables["stages"][:1]
+    scene = Scene.from_tables(tables, "table.toml")
+    (words,) = (line for line in told(scene) if "nip" in line)
+    found = re.search(r"about (\S+) N, as (\S+) N of its weight lay it on r3\.", words)
+    assert found is not None
+    state = ended(scene).state
+    assert state is not None
+    assert state.rollers["r3"].normal_force == pytest.approx(float(found[2]), rel=0.05)
+    assert state.rollers["up"].normal_force == pytest.approx(float(found[1]), rel=0.1)
 
 
 def test_rollers_closed_too_far_are_proposed_as_close_as_strip_is_thick() -> None:

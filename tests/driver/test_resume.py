@@ -330,3 +330,15 @@ def test_all_times_that_are_asked_for_are_written(
     assert [float(entry.get("timestep", "nan")) for entry in written] == pytest.approx(
         [0.0, 0.05, last]
     )
+
+
+def test_a_run_that_had_ended_keeps_its_solver_when_it_is_resumed(tmp_path: Path) -> None:
+    """Nothing is left to factorise, and summary.json said that no solver was chosen."""
+    scene = tmp_path / "scene.toml"
+    scene.write_text(SCENE, encoding="utf-8")
+    names = []
+    for resume in (False, True):
+        list(Scene.load(scene).run(tmp_path / "results", resume=resume))
+        summary = json.loads((tmp_path / "results" / "summary.json").read_text(encoding="utf-8"))
+        names.append(summary["linear_solver"])
+    assert names[0] == names[1] != "none yet"

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from anmstrip import Scene
+from anmstrip.advice.preview import Preview
 from claims import Claim
 
 YOUNG, POISSON, THICKNESS, STIFFNESS, LIFT = 2e11, 0.3, 5e-3, 2e4, 1e-3
@@ -49,6 +52,37 @@ def test_force_that_lifts_the_end(claim: Claim, kinematics: str) -> None:
         2e-3,
         "Hetényi (1946)",
     )
+
+
+LOADS = {"entry": {"move": [0.0, 0.0, LIFT]}}, {"pressure": STIFFNESS * LIFT}
+
+
+@pytest.mark.parametrize("load", LOADS)
+def test_thin_strip_is_meshed_and_previewed_by_its_foundation(load: dict[str, Any]) -> None:
+    """It bends over (4 D/k)^(1/4) = 0.14 m; elements were 0.2 m, and a slope of 57° was told.
+
+    The end sinks or is lifted by 1 mm, and turns by that over this length.
+    """
+    scene = Scene(
+        strip={
+            **{"length": 4.0, "width": 1.0, "thickness": 5e-4, "kinematics": "section"},
+            "foundation": STIFFNESS,
+        },
+        material={"young": YOUNG, "poisson": 0.0},
+        edges={"entry": {"fixed": ["z"]}, "exit": {"fixed": ["x"]}},
+        stages=[{"duration": 1.0, **load}],
+        solver={"tolerance": 1e-8},
+    )
+    run = scene.run()
+    *_, last = run
+    length = (4.0 * 1e-3 * BENDING / STIFFNESS) ** 0.25
+    force = STIFFNESS * LIFT * length / 2.0
+    assert abs(last.state.edge_force("entry")[2]) == pytest.approx(force, rel=1e-3)
+    (estimate,) = Preview.of(run.assembly).strings
+    begin, end = run.assembly.strip.span
+    slopes = last.state.slope(np.linspace(begin, end, 400))[:, 2]
+    assert np.abs(slopes).max() == pytest.approx(LIFT / length, rel=1e-3)
+    assert estimate.slope == pytest.approx(LIFT / length, rel=1e-3)
 
 
 def test_foundation_costs_nothing_where_there_is_none() -> None:

@@ -1,11 +1,14 @@
 """Contact and friction laws against their defining equations."""
 
+from collections.abc import Callable
+
 import mpmath
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.mechanics.laws import (
     Algebraic,
     GradedSignorini,
@@ -204,3 +207,36 @@ def test_the_effective_coefficient_is_that_of_the_law(law):
         assert -law(np.float64(2.0), np.array([slip]))[0] == pytest.approx(
             2.0 * law.effective(slip)
         )
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Material(-2e11, 0.3), r"Material: young = -2[0.e+1]*, expected .* above 0"),
+        (lambda: Material(np.nan, 0.3), "Material: young = nan"),
+        (lambda: Material(2e11, 0.5), "poisson = 0.5, expected .* above -1 and below 0.5"),
+        (lambda: Material(2e11, 0.3, -1.0), "density = -1.0, expected .* of at least 0"),
+        (lambda: Material(None, 0.3), "young = None"),  # type: ignore[arg-type]
+        (lambda: Tanh(-0.1, 0.1, 1.0), "Tanh: coefficient = -0.1"),
+        (lambda: Algebraic(np.array([0.1, np.nan]), 1.0), "coefficient = array"),
+        (lambda: NortonHoff(0.1, 1.5, 0.1, 1.0), "exponent = 1.5, expected .* from 0 to 1"),
+        (lambda: Signorini(1e10, 0.0, 1e-3), "Signorini: eta = 0.0"),
+        (lambda: GradedSignorini(np.inf, 1e-4), "pressure = inf"),
+        (lambda: RepulsiveSignorini(1e10, 1.0, -1e-3), "delta = -0.001"),
+        (
+            lambda: Strip(grid(np.arange(2.0), np.arange(2.0)), -1e-3, Material(2e11, 0.3)),
+            "thickness = -",
+        ),
+    ],
+)
+def test_numbers_that_a_law_cannot_have_are_refused(make: Callable[[], object], words: str) -> None:
+    """They made NaN, or a strip that pushes itself on, somewhere in a run."""
+    with pytest.raises(ValueError, match=words):
+        make()
+
+
+def test_coefficients_that_may_vanish_and_linear_friction_are_no_mistake() -> None:
+    """An exponent and a width of 0 are Coulomb's law, which the paper's figures show."""
+    assert NortonHoff(1.0, 0.0, 0.0, 1.0).growth == 0.0
+    assert Algebraic(np.array([0.0, 0.3]), 1.0).coefficient[0] == 0.0
+    assert NortonHoff(0.0, 1.0, 0.1, 1.0).growth == 1.0

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from threaded import ended, roller, scene_of, values
 
+from anmstrip.cli import main
 from anmstrip.driver.explain import draw_line, explain
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
@@ -211,3 +213,15 @@ def test_members_keep_their_senses() -> None:
 
     one, two = (Roller(n, 0.5, (0.0, 0.0, 0.0), sense=s) for n, s in (("a", 1.0), ("b", -1.0)))
     np.testing.assert_array_equal(combine([one, two], np.array([0, 1, 1])).sense, [1.0, -1.0, -1.0])
+
+
+def test_a_picture_goes_into_a_directory_that_is_there(tmp_path: Path) -> None:
+    """Directories were made without a word."""
+    picture = tmp_path / "nowhere" / "line.png"
+    with pytest.raises(InputError, match="nowhere does not") as caught:
+        draw_line(scene_of(LINE), picture)
+    assert caught.value.mistakes[0].hint.startswith("--picture line.png, or mkdir -p ")
+    scene = Path(__file__).parents[2] / "examples" / "line.toml"
+    found = CliRunner().invoke(main, ["explain", str(scene), "--picture", str(picture)])
+    assert found.exit_code == 2, found.output
+    assert not picture.parent.exists()

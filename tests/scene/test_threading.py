@@ -503,6 +503,26 @@ def test_a_centre_in_millimetres_is_told_where_the_string_does_not_touch() -> No
         Assembly(scene_of(tables)).thread  # noqa: B018
 
 
+def test_a_common_origin_far_away_is_not_taken_for_millimetres() -> None:
+    """All centres over 1000 were proposed first, for a roller whose side alone was wrong."""
+    ends = {"entry": [-4.0, 0.0, 0.3], "exit": [4.3, 0.0, -1.2]}
+
+    def hint(x: float, places: float, wrap: str = "under") -> str:
+        rollers = [roller("a", x, 0.0, 0.3, "over"), roller("b", x + 0.3, -0.9, 0.3, wrap)]
+        moved = {end: [place[0] + places, *place[1:]] for end, place in ends.items()}
+        tables = {**ONE, "rollers": rollers, "threading": {"tension": 2e4, **moved}}
+        try:
+            Assembly(scene_of(tables)).thread  # noqa: B018
+        except InputError as error:
+            return error.mistakes[0].hint
+        return ""
+
+    assert hint(500.0, 500.0, "over").startswith('wrap = "under"')
+    told = "threading.entry and threading.exit from the same origin as the centres, which are all"
+    assert hint(500.0, 0.0).startswith(f"{told} about 500 m away from it, or")
+    assert hint(500.0, 500.0) == ""
+
+
 @pytest.mark.parametrize("stiffer", [1e-4, 1.0, 1e4])
 def test_contact_may_be_of_any_stiffness(stiffer: float) -> None:
     """Full slip: the capstan formula, here 1.2510 within 2e-4 where little is sunk in."""

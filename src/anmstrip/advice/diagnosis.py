@@ -36,6 +36,7 @@ from anmstrip.advice.warnings import (
     serious,
     slides,
     spinning_rollers,
+    usual_onset,
 )
 from anmstrip.arrays import Array
 from anmstrip.continuation.path import NEGLIGIBLE_SHARE, Evidence, Outcome, PathStopped
@@ -468,9 +469,7 @@ def sharp_contact(failure: Failure) -> str | None:
     contact = failure.scene.contact
     if contact is None or contact.onset is None:
         return None
-    graded = contact.model_copy(update={"onset": None})
-    resolved = failure.scene.model_copy(update={"contact": graded})
-    onset = Assembly(resolved).signorini.width
+    onset = usual_onset(failure.scene)
     if not contact.onset < SHARP_ONSET * onset:
         return None
     return (

@@ -732,6 +732,14 @@ def yield_stress(scene: SceneSpec) -> float:
     return m.yield_stress or (METAL_YIELD_STRAIN * m.young if is_metal(scene) else np.inf)
 
 
+def assumed_yield(scene: SceneSpec) -> str:
+    """Return what a yield stress is taken from that nobody has typed, else nothing."""
+    if scene.material.yield_stress is not None:
+        return ""
+    strain = 100.0 * METAL_YIELD_STRAIN
+    return f" (taken for a strain of {strain:g} %, as there is no material.yield_stress)"
+
+
 def stretched_beyond_yield(preview: Preview) -> Iterator[str]:
     """Tensions beyond the yield stress, or under which all of strip that yields flows.
 
@@ -750,7 +758,7 @@ def stretched_beyond_yield(preview: Preview) -> Iterator[str]:
         pulled, yields = (told_stress(scene, each) for each in (stress, limit))
         yield (
             f"the largest tension, {preview.tension:.3g} N/m, is a stress of {pulled}, beyond "
-            f"{yields}, at which all of the strip {how}. Try tensions below "
+            f"{yields}{assumed_yield(scene)}, at which all of the strip {how}. Try tensions below "
             f"{two_digits(limit * t, np.floor):.2g} N/m, in N per metre of width."
         )
 
@@ -807,19 +815,51 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
                 order = [r.name for r in touched]  # along the strip
                 piles = order.index(fast) < order.index(name) and distributed_load(assembly.scene)
                 or_not = ", or gathers between them and hangs slack" if piles else ""
-                key, typed = "surface_speed", given * carrying_sense(told, assembly.thread)
-                control = stage.rollers.get(name)
-                if control is not None and control.angular_speed is not None:
-                    key, typed = "angular_speed", typed / told.radius
-                else:
-                    typed *= told.sense
                 yield (
                     f"roller {name} {how} in stage {stage.name} while {fast} goes at {given:g} "
                     f"m/s: the strip slips on one of them{or_not}. "
                     f'Try rollers.{name}.drive = "idle" and no speed of it, or '
-                    f"--set stages.{stage.name}.rollers.{name}.{key}={typed:g}"
+                    f"{typed_speed(assembly, stage, told, given)}"
                 )
                 return
+
+
+def typed_speed(assembly: Assembly, stage: StageSpec, roller: Roller, speed: float) -> str:
+    """Return what to type so that a roller carries strip on at a speed (m/s) in a stage."""
+    key, typed = "surface_speed", speed * carrying_sense(roller, assembly.thread)
+    control = stage.rollers.get(roller.name)
+    if control is not None and control.angular_speed is not None:
+        key, typed = "angular_speed", typed / roller.radius
+    else:
+        typed *= roller.sense
+    return f"--set stages.{stage.name}.rollers.{roller.name}.{key}={typed:g}"
+
+
+def opposed_nip(preview: Preview) -> Iterator[str]:
+    """Driven rollers of a nip that rub the strip in opposite directions.
+
+    The one is told that turns against most of the line, else the one that carries strip back.
+    """
+    assembly = preview.assembly
+    rub = {spec.name for spec in assembly.scene.rollers if coefficient_on(assembly.scene, spec)}
+    driven = [r for r in assembly.rollers if r.name in rub and r.name not in assembly.turning]
+    carried = carrying_speeds(assembly, driven)
+    for (stage, last), nips in zip(carried, assembly.layout.nips[1:], strict=True):
+        for nip in nips if stage.steady or assembly.rubs(stage) else ():
+            pair = (nip.second, nip.first)
+            speeds = {roller.name: last.get(roller.name, 0.0) for roller in pair}
+            wrapped = all(preview.turn(roller) for roller in pair)  # see unequal_speeds
+            if np.prod(list(speeds.values())) >= 0.0 or wrapped:
+                continue
+            line = sum(map(np.sign, last.values())) or 1.0
+            wrong, right = sorted(pair, key=lambda roller: speeds[roller.name] * line)
+            yield (
+                f"rollers {right.name} and {wrong.name} nip the strip in stage {stage.name} and "
+                f"carry it on at {speeds[right.name]:g} m/s and at {speeds[wrong.name]:g} m/s, "
+                "against each other: it slips on one of them. Unless that is meant, try "
+                f"{typed_speed(assembly, stage, wrong, speeds[right.name])}"
+            )
+            return
 
 
 def standing_rollers(preview: Preview) -> Iterator[str]:
@@ -1095,6 +1135,10 @@ def nip_forces(preview: Preview) -> Iterator[str]:
             force, more = (nip_force(assembly, nip, nip.squeeze + s) for s in (0.0, closer))
             drawn = [r.name for r in (nip.first, nip.second) if preview.turn(r) > MAX_LYING_TURN]
             bent = f" were it straight, but it is drawn round {drawn[0]}" if drawn else ""
+            low = min(nip.first, nip.second, key=lambda roller: roller.centre[2])
+            if weight := borne_weight(preview, low):
+                force, more = (off_one_roller(each, weight) for each in (force, more))
+                bent = f", as {weight:.3g} N of its weight lay it on {low.name}"
             yield (
                 f"{told}, and press it with about {force:.2g} N{bent}. The force of a nip cannot "
                 "be given: it follows from the gap by the law of contact, and is "
@@ -1102,6 +1146,34 @@ def nip_forces(preview: Preview) -> Iterator[str]:
             )
         elif nip.gap < thickness * (1.0 - 1e-9):
             yield f"{told}, and touch its mid-surface alone (contact.faces)."
+
+
+def borne_weight(preview: Preview, roller: Roller) -> float:
+    """Return the weight (N) of flat strip that a roller below it bears: half of the spans beside.
+
+    The outermost one bears all that is beyond it.
+    """
+    assembly = preview.assembly
+    gravity = [plan.controls.at(1.0).get("gravity", np.zeros(3))[2] for plan in preview.plans]
+    if assembly.thread is not None:
+        return 0.0
+    held = {name for name, edge in assembly.scene.edges.items() if "z" in edge.fixed}
+    ends, x = assembly.strip.span, roller.centre[0]
+    places = [end for name, end in zip(ENDS, ends, strict=True) if name in held]
+    places += [each.centre[0] for each in assembly.rollers if each.centre[2] < 0.0]
+    before = max((0.5 * (place + x) for place in places if place < x), default=ends[0])
+    behind = min((0.5 * (place + x) for place in places if place > x), default=ends[1])
+    mass = assembly.material.density * assembly.strip.thickness * assembly.strip.width
+    return mass * max(-min(gravity), 0.0) * (behind - before)
+
+
+def off_one_roller(force: float, load: float) -> float:
+    """Return the force of a nip on the roller off which a load comes that lies on the other one.
+
+    By an exponential law the product of both forces stays, so that from F each they become
+    √(F² + load²/4) ± load/2.
+    """
+    return float(np.hypot(force, 0.5 * load)) - 0.5 * load
 
 
 def crushes(assembly: Assembly, nip: Nip) -> bool:
@@ -1134,12 +1206,10 @@ def nip_force(assembly: Assembly, nip: Nip, squeeze: float) -> float:
 def nip_friction(assembly: Assembly, nip: Nip, load: float, sure: float) -> float:
     """Return what friction holds by a nip (N/m), beyond that of what loads one roller (N/m).
 
-    Strip that is laid on one roller by its tension comes off the other one: by an exponential law
-    the product of both forces stays, so that from F each they become
-    √(F² + load²/4) ± load/2.
+    Strip that is laid on one roller by its tension comes off the other one.
     """
     force = nip_force(assembly, nip, nip.squeeze) / (sure * assembly.strip.width)
-    return driven_friction(assembly, nip) * (float(np.hypot(force, 0.5 * load)) - 0.5 * load)
+    return driven_friction(assembly, nip) * off_one_roller(force, load)
 
 
 def driven_friction(assembly: Assembly, nip: Nip) -> float:
@@ -1431,5 +1501,6 @@ PHYSICS_RULES = (
     stretched_beyond_yield,
     gravity_upwards,
     unequal_speeds,
+    opposed_nip,
     standing_rollers,
 )

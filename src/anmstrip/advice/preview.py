@@ -123,7 +123,8 @@ def string_estimate(course: Course) -> StringEstimate:
     force.  Rollers that a taut string would not touch are left out, and those that lie along
     the strip.  Between rollers L apart a string sags by q L / 2 T, a beam by at most q L³ / 6 D;
     both carry together.  Where both ends are held, strip that sags by s stretches by s² / 6, and
-    E t s³ / 3 carries q L.
+    E t s³ / 3 carries q L.  On an elastic foundation k it sinks by q/k, and an end that is held or
+    moved by as much turns by that over (4 D/k)^(1/4) or √(T/k), whichever is longer.
     """
     a, values = course.assembly, course.values
     weight = a.material.density * a.strip.thickness * abs(values.get("gravity", np.zeros(3))[2])
@@ -132,14 +133,18 @@ def string_estimate(course: Course) -> StringEstimate:
     tension = largest_force(a.scene) or tension_of_moves(a.scene)
     held = len(held_ends(a.scene)) == len(ENDS)
     stretches = held * a.scene.material.young * a.strip.thickness
+    k, bends = a.scene.strip.foundation or 0.0, bending_stiffness(a.scene)
+    reach = max((4.0 * bends / k) ** 0.25, np.sqrt(tension / k), 1e-300) if k else np.inf
 
     def sag(span: float) -> float:
         if not load:
             return 0.0
-        stiffness = 2.0 * tension / span + 6.0 * bending_stiffness(a.scene) / span**3
+        stiffness = 2.0 * tension / span + 6.0 * bends / span**3
         slopes = [load / stiffness if stiffness else np.inf]
         if stretches:
             slopes.append(np.cbrt(3.0 * load * span / stretches))
+        if k:
+            slopes.append(load / (k * reach))
         return float(np.arctan(min(slopes)))
 
     if (found := laid_string(course)) is not None:
@@ -168,6 +173,7 @@ def string_estimate(course: Course) -> StringEstimate:
     else:
         slope = max(abs(end.angle) for end in (entry, exit) if isinstance(end, StraightEnd))
     length = a.strip.length
+    slope = max(slope, *(abs(float(move[2])) / reach for move in moved))
     return StringEstimate({}, {}, float(slope) + sag(length), gaps=gaps, span=length)
 
 

@@ -174,6 +174,33 @@ def soft_contact(preview: Preview) -> Iterator[str]:
             )
 
 
+def onset_near_round_off(preview: Preview) -> Iterator[str]:
+    """An onset of contact within which the last digit of a position is a share of the pressure.
+
+    Pressures change by the factor e within an onset, so that a digit changes them by its share of
+    that.  With shares of 2 and 6 times the tolerance two lines took four and five times as many
+    tangents, and with ten times as much they stalled.
+    """
+    assembly, contact = preview.assembly, preview.assembly.scene.contact
+    if contact is None or contact.onset is None:
+        return
+    digit = float(np.finfo(float).eps) * assembly.strip.length
+    if digit > assembly.scene.solver.tolerance * contact.onset:
+        yield (
+            f"contact.onset = {contact.onset:g} m is near round-off: the last digit of a position, "
+            f"{digit:.1g} m, changes pressures by {digit / contact.onset:.1g} of themselves. "
+            "Try it without contact.onset, or the usual one, "
+            f"--set contact.onset={usual_onset(assembly.scene):.1g}"
+        )
+
+
+def usual_onset(scene: SceneSpec) -> float:
+    """Return the onset of contact (m) that a scene has if none is typed."""
+    assert scene.contact is not None
+    contact = scene.contact.model_copy(update={"onset": None})
+    return Assembly(scene.model_copy(update={"contact": contact})).signorini.width
+
+
 def slack_start(preview: Preview) -> Iterator[str]:
     """A first stage that pulls the slack strip while it may rub, in time from no stiffness on."""
     first = preview.plans[0]
@@ -356,11 +383,12 @@ def overstretched(state: State, scene: SceneSpec) -> Iterator[str]:
     if most > limit:
         edge = scene.edges.get("exit")
         free = [each for each in edge.fixed if each != "x"] if edge is not None else []
-        cure = f"'edges.exit.fixed={json.dumps(free)}'"
+        cure = f"--set 'edges.exit.fixed={json.dumps(free)}'"
         held = edge is not None and "x" in edge.fixed and largest_force(scene) > 0.0
         yield (
-            f"the strip is pulled by up to {most:.3g} N/m, and yields at {limit:.3g} N/m: what is "
-            f"held or moved stretches it. Try {f'--set {cure}' if held else 'smaller moves'}"
+            f"the strip is pulled by up to {most:.3g} N/m, and yields at {limit:.3g} N/m"
+            f"{physics.assumed_yield(scene)}: what is held or moved stretches it. "
+            f"Try {cure if held else 'smaller moves'}"
         )
 
 
@@ -643,7 +671,7 @@ def coarse_mesh(preview: Preview) -> Iterator[str]:
         estimated = "; the run estimates what that costs" * preview.assembly.can_halve
         yield (
             f"elements over {', '.join(names)} are {size} long, more than a quarter of the "
-            f"boundary layer √(D/T) = {layer:.3g} m{estimated}. "
+            f"boundary layer of {layer:.3g} m{estimated}. "
             f"Try {finer_mesh(scene, LAYER_SHARE * layer)}"
         )
 
@@ -826,6 +854,7 @@ SERIOUS_RULES = (
     physics.rollers_without_friction,
     sharp_roller,
     soft_contact,
+    onset_near_round_off,
     slack_start,
     unheld_strip,
     released_strip,

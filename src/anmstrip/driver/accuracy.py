@@ -15,10 +15,10 @@ import numpy as np
 from anmstrip.advice.preview import Preview, free_motions
 from anmstrip.advice.warnings import levels
 from anmstrip.driver.explain import cell, plain_table, text_of
-from anmstrip.driver.run import Run
+from anmstrip.driver.run import Run, require_scene
 from anmstrip.driver.scene import Scene
 from anmstrip.driver.sweep import CHECKPOINT, SUMMARY, Sweep, Variant, folder_name, run_scene
-from anmstrip.errors import InputError, Mistake
+from anmstrip.errors import InputError, Mistake, as_path, as_texts
 from anmstrip.fem.sampling import displacement_at
 from anmstrip.results.files import load_checkpoint, read_json, write_table
 from anmstrip.simulation.problem import Assembly
@@ -256,8 +256,9 @@ class Accuracy(Sweep):
     """
 
     def __init__(self, scene: Scene, along: Iterable[str] = (), *, directory: str | Path) -> None:
+        require_scene(scene)
         self.scene, self.assembly = scene, Assembly(scene)
-        every, chosen = tuple(list_trials(self.assembly, scene)), tuple(along)
+        every, chosen = tuple(list_trials(self.assembly, scene)), as_texts("along", along)
         known = list(dict.fromkeys(trial.along for trial in every))
         wrong = [name for name in chosen if name not in known]
         if wrong:
@@ -266,7 +267,7 @@ class Accuracy(Sweep):
             given = zip(wrong, hints, strict=True)
             raise InputError(Mistake("--along", "", name, expected, hint) for name, hint in given)
         self.trials = tuple(trial for trial in every if not chosen or trial.along in chosen)
-        directory, made = Path(directory).absolute(), dict[str, Variant]()
+        directory, made = as_path("directory", directory).absolute(), dict[str, Variant]()
         for settings in (each for t in self.trials for each in (t.truth, t.settings)):
             if (name := self.name(settings)) not in made:
                 here = adjust(scene, settings)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from io import StringIO
 from pathlib import Path
@@ -343,13 +344,17 @@ def draw_line(scene: SceneSpec, picture: Path) -> None:
     Raises
     ------
     InputError
-        A picture of no known kind, or mistakes that only the mesh shows.
+        A picture of no known kind or in no directory, or mistakes that only the mesh shows.
     """
     from anmstrip.pictures.curves import SUFFIXES, Wheel, draw_layout
 
     if picture.suffix.lower() not in SUFFIXES:
         expected = f"the name of a file that ends in {', '.join(SUFFIXES)}"
         hint = f"--picture {picture.with_suffix('.png')}"
+        raise InputError([Mistake("--picture", "", str(picture), expected, hint)])
+    if not picture.parent.is_dir():
+        expected = f"a file in a directory that exists; {picture.parent} does not"
+        hint = f"--picture {picture.name}, or mkdir -p {shlex.quote(str(picture.parent))} before"
         raise InputError([Mistake("--picture", "", str(picture), expected, hint)])
     preview = Preview.of(Assembly(scene))
     assembly, thread = preview.assembly, preview.assembly.thread

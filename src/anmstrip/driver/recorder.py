@@ -23,6 +23,7 @@ from anmstrip.results.files import (
     DirectoryLock,
     History,
     load_checkpoint,
+    make_directory,
     plain,
     refused_checkpoint,
     save_checkpoint,
@@ -98,7 +99,7 @@ class Recorder:
         resumed: Mapping[str, Any] | None = None,
     ) -> None:
         self.assembly, self.directory, self.errors = assembly, directory, errors
-        directory.mkdir(parents=True, exist_ok=True)
+        make_directory(directory)
         self.lock = DirectoryLock(directory)
         kept: Mapping[str, Any] = resumed or {"rows": {}, "time": -1.0, "turned": {}}
         with self.lock:

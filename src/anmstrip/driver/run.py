@@ -30,7 +30,7 @@ from anmstrip.continuation.path import Cost, Outcome, PathStopped
 from anmstrip.driver.budget import LARGE_MESH_ERROR, Budget, Part, tension_readings
 from anmstrip.driver.recorder import Recorder, history_row, identity, kept_values, read_checkpoint
 from anmstrip.equilibrium import StageProblem
-from anmstrip.errors import Named
+from anmstrip.errors import Named, as_path
 from anmstrip.fem.geometry import SHELL
 from anmstrip.linalg.direct import SingularTangentError
 from anmstrip.results.files import ERROR_WORDS, read_history
@@ -86,6 +86,7 @@ CHECKPOINT_ATTRIBUTES = {
     **{name: name for name in ("steps", "stages", "effects", "snaps", "wrinkles")},
     **{name: f"march.{name}" for name in ("reached", "slack", "conveyed")},
     "timed": "cost.seconds",
+    "linear_solver": "march.solver.name",
     **{name: f"cost.{name}" for name in ("expansions", "factorisations")},
     **{"stage": "first_stage", "seconds": "spent", "looked": "budget.time"},
     "course_time": "march.course.time",
@@ -200,6 +201,12 @@ def endless(state: State, usual: float, goes_on: bool) -> Outcome | None:
     return Outcome.RAN_AWAY if has_run_away(state, usual) else None
 
 
+def require_scene(scene: object) -> None:
+    """Refuse anything but a scene, as its path."""
+    if not isinstance(scene, SceneSpec):
+        raise TypeError(f"expected a scene, as Scene.load({scene!r}) returns; given {scene!r}")
+
+
 class Run:
     """Iterator over the accepted steps of a scene; writes results as it goes.
 
@@ -241,11 +248,10 @@ class Run:
         resume: bool = False,
         effects: Iterable[EffectMaker] = (),
     ) -> None:
-        if not isinstance(scene, SceneSpec):
-            raise TypeError(f"expected a scene, as Scene.load({scene!r}) returns; given {scene!r}")
+        require_scene(scene)
         if not isinstance(effects, Iterable):
             raise TypeError(f"expected a list of functions of the strip; given effects={effects!r}")
-        self.directory = None if directory is None else Path(directory)
+        self.directory = None if directory is None else as_path("directory", directory)
         bent = None if scene.strip.imperfection is None else imperfection_of(scene)
         a = self.assembly = Assembly(scene, bent, tuple(effects))
         self.scene, self.march, self.identity = a.scene, March(a), identity(a)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -21,8 +21,8 @@ from anmstrip.continuation.path import Branch, Outcome, PathStopped
 from anmstrip.driver.run import Run, spins_away
 from anmstrip.driver.sensitivities import response, unknown_name
 from anmstrip.equilibrium import StageProblem
-from anmstrip.errors import InputError, Mistake
-from anmstrip.results.files import write_summary, write_table
+from anmstrip.errors import InputError, Mistake, as_path, as_texts
+from anmstrip.results.files import make_directory, write_summary, write_table
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.simulation.defaults import regularising_speed
@@ -267,7 +267,7 @@ class OperatingMap:
     ----------
     scene : SceneSpec
         Its last stage is steady.
-    along : sequence of str
+    along : iterable of str
         One or two texts ``KEY=first:last`` or ``KEY=first:last:number``, with the keys of a stage:
         ``strip.speed``, ``entry.tension``, ``exit.tension``, ``rollers.NAME.surface_speed``, ….
     directory : path, optional
@@ -295,10 +295,11 @@ class OperatingMap:
     def __init__(
         self,
         scene: SceneSpec,
-        along: Sequence[str],
+        along: Iterable[str],
         directory: str | Path | None = None,
         effects: Iterable[EffectMaker] = (),
     ) -> None:
+        along = as_texts("along", along)
         require_steady_end(scene, "a map is made of stationary states")
         if not 1 <= len(along) <= 2:
             raise wrong_control(" ".join(along), "", "one control or two", len(along))
@@ -307,7 +308,7 @@ class OperatingMap:
         self.stages = [[a.stage(scene, v) for v in a.values[[0, -1]]] for a in self.along]
         if len({a.key for a in self.along}) < len(along):
             raise wrong_control(along[1], self.along[1].key, "another control")
-        self.directory = None if directory is None else Path(directory)
+        self.directory = None if directory is None else as_path("directory", directory)
         self.run = Run(scene, effects=effects)
         self.curves: list[Curve] = []
         self.rows: list[dict[str, Any]] = []
@@ -318,6 +319,8 @@ class OperatingMap:
     def __iter__(self) -> Iterator[MapStep]:
         """Yield how far the map is, after every step."""
         run, seconds = self.run, [None] if len(self.along) == 1 else self.along[1].values
+        if self.directory is not None:
+            make_directory(self.directory)
         share = 1.0 / (1 + len(seconds))
         for step in run:
             yield MapStep(f"{step.stage}, {step.tangents} tangents", share * step.fraction)
@@ -472,7 +475,6 @@ class OperatingMap:
         """Write table, figure and summary."""
         from anmstrip.pictures.curves import map_figure, save_figure
 
-        directory.mkdir(parents=True, exist_ok=True)
         keys = [along.key for along in self.along]
         write_table(directory / "map.csv", list(self.rows[0]) if self.rows else keys, self.rows)
         names = [roller.name for roller in self.run.assembly.rollers]
@@ -546,7 +548,7 @@ def respond(scene: SceneSpec, of: str, to: str, directory: Path) -> str:
     gain, phase = np.abs(found[name]), np.degrees(np.unwrap(np.angle(found[name])))
     columns = "omega", "gain", "phase"
     rows = (dict(zip(columns, row, strict=True)) for row in zip(omega, gain, phase, strict=True))
-    directory.mkdir(parents=True, exist_ok=True)
+    make_directory(directory)
     write_table(directory / "response.csv", columns, rows)
     save_figure(response_figure(omega, gain, phase, f"{name} to {to}"), directory / "response.png")
     return (

@@ -22,7 +22,7 @@ from anmstrip.driver.recorder import flat_keys
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError, Mistake
-from anmstrip.results.files import atomic_write, read_json, write_table
+from anmstrip.results.files import atomic_write, make_directory, read_json, write_table
 from anmstrip.scene.schema import Override, SceneSpec
 
 if TYPE_CHECKING:
@@ -278,7 +278,7 @@ def run_scene(scene: Scene, directory: Path) -> dict[str, Any]:
     if (summary := ended_summary(scene, directory)) is not None:
         return summary
     if not has_begun(scene, directory):
-        directory.mkdir(parents=True, exist_ok=True)
+        make_directory(directory)
         for name in (INPUT, SUMMARY, CHECKPOINT):
             (directory / name).unlink(missing_ok=True)
         with atomic_write(directory / INPUT) as temporary:
@@ -404,7 +404,7 @@ class Sweep:
         ConnectionError
             The cluster has gone; the table is as it was at the last scene that ended.
         """
-        self.directory.mkdir(parents=True, exist_ok=True)
+        make_directory(self.directory)
         self.write_table()
         total = len(self.variants)
         for number, found in self.run_here() if client is None else self.run_on(client):

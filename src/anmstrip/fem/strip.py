@@ -11,7 +11,7 @@ import numpy as np
 from scipy.sparse import csc_matrix
 from skfem import Basis, FacetBasis, Mesh, MeshLine, MeshQuad, MeshTri
 
-from anmstrip.arrays import Array, Index
+from anmstrip.arrays import Array, Index, NumbersInRange, require_number
 from anmstrip.errors import Named
 from anmstrip.fem.elements import Argyris, BognerFoxSchmit, Hermite
 from anmstrip.fem.geometry import DERIVATIVE_PAIRS, SHELL, Frames, Kinematics, ReferenceSurface
@@ -25,7 +25,7 @@ Enough for products of first derivatives: the membrane of the flat strip, and be
 
 
 @dataclass(frozen=True)
-class Material:
+class Material(NumbersInRange):
     """Isotropic linear elasticity."""
 
     young: float  # E (Pa)
@@ -106,6 +106,8 @@ class Strip:
         width: float = 1.0,
         surface: ReferenceSurface | None = None,
     ) -> None:
+        for name, value in (("thickness", thickness), ("width", width)):
+            require_number(self, name, value)
         self.mesh, self.thickness, self.material = mesh, thickness, material
         self.surface = surface
         self.origin, self.flat_origin, self.contact_parts = np.zeros(3), np.zeros(2), 1

@@ -323,6 +323,7 @@ class SparseSolver:
     """Chooses band or sparse LU from the first matrix; keeps the plan while the pattern stays."""
 
     plan: BandPlan | SuperLUPlan | None = None
+    name = "none yet"  # of the factorisation that was chosen, for reports
 
     def factorise(self, matrix: csc_matrix | Bordered | Condensed | Joined) -> Factors:
         """Factors by the plan for the pattern of the matrix; other unknowns are eliminated."""
@@ -331,12 +332,9 @@ class SparseSolver:
         require_finite(matrix)
         if self.plan is None or not self.plan.fits(matrix):
             self.plan = fastest_plan(matrix)
-        return self.plan.factorise(matrix)
-
-    @property
-    def name(self) -> str:
-        """Name of the factorisation that was chosen, for reports."""
-        return "none yet" if self.plan is None else self.plan.name
+        factors = self.plan.factorise(matrix)
+        self.name = self.plan.name
+        return factors
 
 
 def fastest_plan(matrix: csc_matrix) -> BandPlan | SuperLUPlan:

@@ -9,6 +9,8 @@ from typing import Any, Self
 
 import numpy as np
 
+from anmstrip.arrays import NumbersInRange
+
 
 def root_reaction(gap: Any, product: Any, stiffness: float) -> Any:
     """Positive root R of R (R/K + h) = p, without cancellation for either sign of h.
@@ -141,7 +143,7 @@ class TangentBeyond(DerivedLaw):
 
 
 @dataclass(frozen=True)
-class Signorini:
+class Signorini(NumbersInRange):
     """R (R/K + h) = η (δ − h): the paper's law (5c).
 
     Repulsive for h < δ only; beyond it tends to the small attraction −η.
@@ -161,7 +163,7 @@ class Signorini:
 
 
 @dataclass(frozen=True)
-class RepulsiveSignorini(ContactLaw):
+class RepulsiveSignorini(NumbersInRange, ContactLaw):
     """R (R/K + h) = η δ: everywhere repulsive, for surfaces with distant nodes.
 
     It agrees with (5c) where |h| ≪ δ and decays like η δ/h, so that a strip
@@ -202,7 +204,7 @@ than any strip bears, and still a number."""
 
 
 @dataclass(frozen=True)
-class GradedSignorini(ContactLaw):
+class GradedSignorini(NumbersInRange, ContactLaw):
     """R = p₀ exp(−h/w), for surfaces: an onset of contact of given width.
 
     A strip pressed by p₀ lies on the surface, h = 0, and sinks by w for every factor of e in the
@@ -278,7 +280,7 @@ class FrictionLaw:
 
 
 @dataclass(frozen=True)
-class NortonHoff(FrictionLaw):
+class NortonHoff(NumbersInRange, FrictionLaw):
     """R_T = −f R_N |v|_reg^(q−1) v / V_c^q: equations (2) and (5d).
 
     Invertible, and not bounded by f: at |v| = 10 V_c and q = 0.1 the ratio
@@ -308,7 +310,7 @@ class NortonHoff(FrictionLaw):
 
 
 @dataclass(frozen=True)
-class Algebraic(FrictionLaw):
+class Algebraic(NumbersInRange, FrictionLaw):
     """R_T = −f R_N v / √(v·v + V_c²): bounded by f, which it nears like 1 − V_c²/2v².
 
     At ten times V_c it is 0.995 f R_N, and it keeps a slope in slip: tanh, which nears f
@@ -325,7 +327,7 @@ class Algebraic(FrictionLaw):
 
 
 @dataclass(frozen=True)
-class Tanh(FrictionLaw):
+class Tanh(NumbersInRange, FrictionLaw):
     """R_T = −f R_N tanh(|v|_reg / V_c) v / |v|_reg: bounded by f."""
 
     coefficient: Any  # f, a number or (points,)

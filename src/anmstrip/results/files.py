@@ -14,6 +14,7 @@ from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path, PurePath
+from tempfile import TemporaryFile
 from typing import Any, Self
 
 import numpy as np
@@ -96,6 +97,26 @@ def atomic_write(path: AnyPath) -> Iterator[Path]:
         except BaseException:
             temporary.unlink(missing_ok=True)
             raise
+
+
+def make_directory(path: AnyPath) -> Path:
+    """Make the directory that results go into, if it is not there yet, and return it.
+
+    Raises
+    ------
+    InputError
+        It cannot be made or written.
+    """
+    directory = Path(path)
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=directory):
+            pass
+    except OSError as error:
+        expected = f"a directory that can be made and written ({error.strerror})"
+        hint = "another directory for the results, as -o does"
+        raise InputError([Mistake(str(directory), "", None, expected, hint)]) from error
+    return directory
 
 
 class DirectoryLock:

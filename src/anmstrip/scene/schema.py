@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set, ValuesView
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from itertools import accumulate
@@ -22,7 +22,7 @@ from pydantic import (
 )
 from pydantic.fields import FieldInfo
 
-from anmstrip.errors import InputError, Mistake, nearest
+from anmstrip.errors import InputError, Mistake, as_path, as_texts, nearest
 from anmstrip.scene import tables as scene_tables
 from anmstrip.scene.checks import DRIVES, KEY_RULES, check_scene
 from anmstrip.scene.hints import (
@@ -173,7 +173,7 @@ class SceneSpec(Table):
         InputError
             With all mistakes at once.
         """
-        source = Path(path)
+        source = as_path("path", path)
         return cls.from_tables(parse_scene(read_text(source), str(source)), source, overrides)
 
     @classmethod
@@ -181,8 +181,11 @@ class SceneSpec(Table):
         cls, tables: Mapping[str, Any], source: str | Path, overrides: Iterable[str] = ()
     ) -> Self:
         """Return the scene of tables as they would stand in a file; see :meth:`load`."""
-        data, applied, mistakes = with_implied_tables(tables), list[Override](), list[Mistake]()
-        for text in [overrides] if isinstance(overrides, str) else overrides:
+        if not isinstance(tables, Mapping):
+            raise TypeError(f"expected the tables of a scene, as a dict; given tables={tables!r}")
+        source, data = as_path("source", source), with_implied_tables(tables)
+        applied, mistakes = list[Override](), list[Mistake]()
+        for text in as_texts("overrides", overrides):
             try:
                 override = Override.parse(text)
                 data = override.applied_to(data)
@@ -192,7 +195,7 @@ class SceneSpec(Table):
                 applied.append(override)
         strip = data.get("strip")
         if isinstance(strip, Mapping) and isinstance(mesh := strip.get("mesh"), str):
-            data["strip"] = {**strip, "mesh": str((Path(source).parent / mesh).absolute())}
+            data["strip"] = {**strip, "mesh": str((source.parent / mesh).absolute())}
         try:
             scene = cls(**data)
         except InputError as error:
@@ -201,7 +204,7 @@ class SceneSpec(Table):
                 mistakes.append(replace(m, file=f"--set {set_by[-1]}" if set_by else str(source)))
         if mistakes:
             raise InputError(mistakes)
-        scene._source = Path(source)
+        scene._source = source
         return scene
 
     @property
@@ -383,6 +386,8 @@ def wrong_override(text: str, key: str, value: object, expected: str, hint: str)
 def of_python(value: Any) -> Any:
     """Return what is typed with numpy's numbers and arrays as Python's, deep in tables and lists.
 
+    Iterators and sets become lists, and keys of tables texts.
+
     Examples
     --------
     >>> of_python({"cells": np.array([8, 1]), "stages": [{"duration": np.float64(1.0)}]})
@@ -391,7 +396,9 @@ def of_python(value: Any) -> Any:
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     if isinstance(value, dict):
-        return {key: of_python(each) for key, each in value.items()}
+        return {str(key): of_python(each) for key, each in value.items()}
+    if isinstance(value, Iterator | Set | ValuesView):
+        value = list(value)
     return type(value)(map(of_python, value)) if type(value) in (list, tuple) else value
 
 

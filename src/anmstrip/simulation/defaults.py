@@ -381,9 +381,13 @@ def bending_stiffness(scene: SceneSpec) -> float:
 
 
 def boundary_layer(scene: SceneSpec) -> float:
-    """√(D/T) (m) of the largest tension, given or by moves; infinite without tension."""
-    tension = largest_force(scene) or tension_of_moves(scene)
-    return float(np.sqrt(bending_stiffness(scene) / tension)) if tension > 0.0 else np.inf
+    """√(D/T) (m) of the largest tension, given or by moves, or what a foundation leaves of it.
+
+    That is (4 D/k)^(1/4) (Hetényi, Beams on elastic foundation, 1946); without both infinite.
+    """
+    tension, k = largest_force(scene) or tension_of_moves(scene), scene.strip.foundation
+    layer = float(np.sqrt(bending_stiffness(scene) / tension)) if tension > 0.0 else np.inf
+    return min(layer, (4.0 * bending_stiffness(scene) / k) ** 0.25) if k else layer
 
 
 def bent_curvature(scene: SceneSpec, radius: float, turn: float) -> float:

@@ -277,6 +277,7 @@ class Layout:
             zones.append(Zone(float(lifts.min()), float(lifts.max()), arc))
         ends = [edge for stage in scene.stages for edge in stage.edges.values()]
         curved = any(shape.coil_set for shape in scene.shapes) or any(edge.moment for edge in ends)
+        curved = curved or scene.strip.foundation is not None
         if curved and (layer := boundary_layer(scene)):  # strip curves beside its ends
             size = scene.strip.element_length or 0.5 * LAYER_SHARE * layer
             near = fine_beside(layer, size) - self.half

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
-from importlib import import_module
 from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -877,9 +877,9 @@ def own_law(
     key, hint = f"{table}.law", f"a subclass of {base.__name__}"
     sys.path.insert(0, beside)
     try:
-        law = getattr(import_module(module), name)
+        law = getattr(importlib.import_module(module), name)
     except (Exception, SystemExit) as error:  # whatever the user's module raises
-        expected = f"a module and a class in it that can be imported ({error})"
+        expected = f"a module and a class in it that can be imported ({words_of(error)})"
         raise scene.refused(key, reference, expected, hint) from error
     finally:
         sys.path.remove(beside)
@@ -894,7 +894,10 @@ def own_law(
     try:
         made = law(**{k: v for k, v in given.items() if k in known}, **parameters)
     except (TypeError, ValueError) as error:
-        expected, typed = f"the arguments of {name}{signature(law)} ({error})", dict(parameters)
+        expected, typed = (
+            f"the arguments of {name}{signature(law)} ({words_of(error)})",
+            dict(parameters),
+        )
         hint = "parameters = { … }"
         raise scene.refused(f"{table}.parameters", typed, expected, hint) from error
     if wrong := wrong_law(made):
@@ -959,9 +962,9 @@ def wrong_effect(effect: LawEffect, unknowns: int, controls: Mapping[str, Array]
 
 def words_of(error: BaseException) -> str:
     """Return what went wrong in a user's code, and in which line of it, if it was there."""
-    package = str(Path(__file__).parents[1])
+    others = str(Path(__file__).parents[1]), str(Path(importlib.__file__).parent), "<"
     frames = traceback.extract_tb(error.__traceback__)
-    own = [f for f in frames if not f.filename.startswith(package) and "<" not in f.filename]
+    own = [f for f in frames if not f.filename.startswith(others)]
     place = f", line {own[-1].lineno} of {Path(own[-1].filename).name}" if own else ""
     return f"{type(error).__name__}: {error}{place}".replace(": ,", ",").removesuffix(": ")
 

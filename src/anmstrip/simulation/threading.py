@@ -512,16 +512,29 @@ def _room(first: Roller | RollerSpec, second: Roller | RollerSpec) -> float:
 
 
 def _if_in_millimetres(scene: SceneSpec) -> Iterator[str]:
-    """Yield what to type besides if radii or places, far larger than all others, are in mm."""
+    """Yield what to type besides if radii or places, far larger than all others, are in mm.
+
+    Places that are all as far from the origin of a drawing are not, nor are centres that count from
+    another one than the ends.
+    """
     for roller in scene.rollers:
         if roller.radius > LARGEST_RADIUS:
             yield f"rollers.{roller.name}.radius = {1e-3 * roller.radius:g} if it is in mm"
             return
     places = {key: place for key, place in _places(scene).items() if place}
-    radii = [roller.radius for roller in scene.rollers]
-    sizes = np.unique(radii + [abs(x) for place in places.values() for x in place])
-    sizes = sizes[sizes >= min(radii)]
-    far = sizes[1:][sizes[1:] > FAR_AWAY * sizes[:-1]].min(initial=np.inf)
+    radii, centres = zip(*((roller.radius, roller.centre) for roller in scene.rollers), strict=True)
+    together = np.array(list(places.values()), dtype=float)
+    if not np.isfinite(_far_size(radii, together - _common_offset(together))):
+        return
+    far, drawn = _far_size(radii, together), np.array(centres)
+    offset = _common_offset(drawn)
+    apart = np.isfinite(_far_size(radii, drawn - offset))
+    if np.abs(offset).max() >= far and len(drawn) > 1 and not apart:
+        yield (
+            "threading.entry and threading.exit from the same origin as the centres, which are all "
+            f"about {np.linalg.norm(offset):.3g} m away from it"
+        )
+        return
     typed = [
         f"{key} = [{', '.join(f'{1e-3 * x if abs(x) >= far else x:g}' for x in place)}]"
         for key, place in places.items()
@@ -529,3 +542,19 @@ def _if_in_millimetres(scene: SceneSpec) -> Iterator[str]:
     ]
     if typed:
         yield f"{', '.join(typed)} if it is in mm there"
+
+
+def _common_offset(places: Array) -> Array:
+    """Return the least coordinates (m) where all are farther from 0 than from each other, else 0.
+
+    Places have the shape (n, 3).
+    """
+    least = np.abs(places).min(axis=0)
+    return np.where(least > np.ptp(places, axis=0), np.copysign(least, places[0]), 0.0)
+
+
+def _far_size(radii: Sequence[float], places: Array) -> float:
+    """Return the size (m) from which radii and coordinates are far larger than all others."""
+    sizes = np.unique([*radii, *np.abs(places).ravel()])
+    sizes = sizes[sizes >= min(radii)]
+    return float(sizes[1:][sizes[1:] > FAR_AWAY * sizes[:-1]].min(initial=np.inf))
