@@ -459,6 +459,14 @@ def unresolved_waves(state: State, scene: SceneSpec) -> Iterator[str]:
     )
 
 
+BUCKLING_DIGITS = 1e-3
+"""Share of Euler's load to which forces are solved where a bowed strip buckles smoothly: steps do
+not leave the branch of a bow of a tenth of the thickness for spans up to 3 000 thicknesses long."""
+
+MIN_TOLERANCE = 1e-9
+"""Tolerance that is proposed at least: below it digits of positions are lost."""
+
+
 def buckled_section(state: State, scene: SceneSpec) -> Iterator[str]:
     """Free spans of a section that are pressed by more than they bear.
 
@@ -466,8 +474,8 @@ def buckled_section(state: State, scene: SceneSpec) -> Iterator[str]:
     Strip that turns freely about one end and is free at the other bears nothing.
     Nothing bends a straight strip on its path beyond the load at which it buckles; what is proposed
     is a curvature 0.8 t/L², by which a span is a tenth of its thickness high: with one thickness it
-    bears a third less where it has not buckled far, and with some hundredths it may come to a
-    higher mode.
+    bears a third less where it has not buckled far, and with some hundredths, or where imbalances
+    across are lost beside heat that is held back, it may come to a higher mode.
     """
     strip, given = state.plan.model.strip, scene.strip
     if state.membrane is None or strip.count != 2 or not given.bending or given.foundation:
@@ -499,7 +507,14 @@ def buckled_section(state: State, scene: SceneSpec) -> Iterator[str]:
         )
         if state.plasticity is None:  # else pulled strip may have lost what it was bent by
             curved = 0.8 * given.thickness / (stop - start) ** 2
-            told += f". Try a strip that is not quite straight, --set strip.coil_set={curved:.1g}"
+            settings = [] if "coil_set" in given.natural else [f"strip.coil_set={curved:.1g}"]
+            euler = np.pi**2 * strip.bending_stiffness / (stop - start) ** 2
+            finer = BUCKLING_DIGITS * euler / state.plan.model.scales.tension
+            if MIN_TOLERANCE < finer < scene.solver.tolerance:
+                settings.append(f"solver.tolerance=1e{np.floor(np.log10(finer)):.0f}")
+            if settings:
+                words = "is not quite straight" if "coil_set" in settings[0] else "is solved finer"
+                told += f". Try a strip that {words}, --set {' --set '.join(settings)}"
         yield told
 
 
