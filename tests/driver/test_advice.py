@@ -267,6 +267,14 @@ PULLED_OFF = merged(
     ],
 )  # fmt: skip
 
+LAID_AND_PULLED = {
+    "strip": {"kinematics": "section", "length": 5.0, "width": 1.0, "thickness": 1e-3},
+    "material": {"young": 7e10, "poisson": 0.3, "density": 2700.0},
+    "contact": {},
+    "rollers": [{"radius": 0.02, "centre": [x, 0.0, -0.02]} for x in (-2.4, -1.2, 0.0, 1.2, 2.4)],
+    "edges": {"entry": {"fixed": ["x"]}},
+    "stages": [{"name": "lay", "gravity": [0.0, 0.0, -9.81], "exit": {"tension": 22258.0}}],
+}
 MORE: list[tuple[dict[str, Any], str, list[str]]] = [
     (SLACK_BELT, "in stage run lengthens the strip by 0.00072 of its length", []),
     (HEATED, "in stage heat lengthens the strip by 0.00072 of its length", []),
@@ -291,6 +299,7 @@ MORE: list[tuple[dict[str, Any], str, list[str]]] = [
     (merged(FLAT_LAID, contact={"stiffness": None, "eta": None, "delta": None},
             strip={"cells": [2, 1], "refined": 2.0}), "contact sets in", []),
     (changed(("contact.onset", 1e-13)), "contact.onset = 1e-13 m is near round-off", []),
+    (LAID_AND_PULLED, "the tension of the exit in stage lay turns with the strip", []),
     (merged(FLAT, stages=[{**PULL, "friction": True}, LAY]), "pulls a slack strip", []),
     (merged(FLAT, stages=[PULL, LAY, {**FREE, "friction": False}]),
      "nothing holds the strip in x in stage last", []),
