@@ -507,13 +507,14 @@ def buckled_section(state: State, scene: SceneSpec) -> Iterator[str]:
         )
         if state.plasticity is None:  # else pulled strip may have lost what it was bent by
             curved = 0.8 * given.thickness / (stop - start) ** 2
-            settings = [] if "coil_set" in given.natural else [f"strip.coil_set={curved:.1g}"]
+            straight = abs(given.coil_set or 0.0) < 0.5 * curved
+            settings = [f"strip.coil_set={curved:.1g}"] if straight else []
             euler = np.pi**2 * strip.bending_stiffness / (stop - start) ** 2
             finer = BUCKLING_DIGITS * euler / state.plan.model.scales.tension
             if MIN_TOLERANCE < finer < scene.solver.tolerance:
                 settings.append(f"solver.tolerance=1e{np.floor(np.log10(finer)):.0f}")
             if settings:
-                words = "is not quite straight" if "coil_set" in settings[0] else "is solved finer"
+                words = "is not quite straight" if straight else "is solved finer"
                 told += f". Try a strip that {words}, --set {' --set '.join(settings)}"
         yield told
 
