@@ -815,6 +815,27 @@ def test_a_sheet_is_laid_by_its_weight_whatever_pulls_it_later() -> None:
     assert sum(borne) == pytest.approx(weight, rel=1e-3)
 
 
+def test_a_stiff_sheet_lies_on_its_rollers_by_its_weight_alone() -> None:
+    """D/L², 17 times the weight, was the unit of forces: all rollers let go in the first steps."""
+    length, width, thickness, density = 0.5, 0.2, 3e-3, 2700.0
+    tables = {
+        "strip": {"kinematics": "plate", "length": length, "width": width, "thickness": thickness},
+        "material": {"young": 7e10, "poisson": 0.3, "density": density},
+        "contact": {},
+        "rollers": [{"radius": 0.05, "centre": [x, 0.0, -0.05]} for x in (-0.1125, 0.0, 0.1125)],
+        "edges": {"entry": {"fixed": ["x"]}},
+        "stages": [{"name": "lay", "gravity": [0.0, 0.0, -9.81]}],
+        "solver": {"max_tangents": 30},
+    }  # fmt: skip
+    run = Scene.from_tables(tables, "sheet.toml").run()
+    *_, last = run
+    assert run.outcome.done, run.message
+    left, middle, right = (r.normal_force for r in last.state.rollers.values())
+    weight = density * 9.81 * thickness * width * length
+    assert left == pytest.approx(0.5 * weight, rel=2e-3) == right  # overhangs lift the middle
+    assert middle < 1e-3 * weight
+
+
 @pytest.mark.parametrize(
     ("given", "edges", "share"),
     [
