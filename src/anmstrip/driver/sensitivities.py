@@ -210,7 +210,7 @@ class StationaryTangent:
     @cached_property
     def weights(self) -> Array:
         """Weight (N) of the strip up to there, (passages, 2, 3)."""
-        return np.array([[self.state.weight_before(x) for x in arc] for arc in self.arcs])
+        return self.state.weight_before(self.arcs)
 
     @cached_property
     def edge_forces(self) -> dict[str, Array]:
