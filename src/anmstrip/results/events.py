@@ -71,11 +71,9 @@ class Stretch:
 def moves_otherwise(before: State, plan: StageProblem) -> bool:
     """Return whether a roller begins or ceases to move as a stage begins: velocities jump."""
     at_rest = before.plan is plan  # the first stage
-
-    def changes(name: str) -> bool:
-        return bool(np.any(plan.rate(name) != (0.0 if at_rest else before.plan.rate(name))))
-
-    return any(changes(name) for name in plan.controls.start if name.endswith(".centre"))
+    centres = [name for name in plan.controls.start if name.endswith(".centre")]
+    rates = ((plan.rate(n), 0.0 if at_rest else before.plan.rate(n)) for n in centres)
+    return any(np.any(rate != other) for rate, other in rates)
 
 
 def gap_and_slip(
