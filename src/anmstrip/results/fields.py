@@ -179,8 +179,11 @@ class FieldSampler:
             stretch = np.linalg.norm(tangents[:, 0], axis=0)
             bent = moments[0] * curvature[0] + moments[2] * curvature[2]
             tension = membrane[0] * stretch + bent / stretch
-            correction = self._tension_correction(state, tension)
-            tension, membrane[0] = tension + correction, membrane[0] + correction / stretch
+            if (found := state.tension_profile) is not None:  # means across in equilibrium
+                places, number, mean = self.stations
+                missing = np.interp(places, *found) - mean @ tension.ravel()
+                correction = missing[number].reshape(tension.shape)
+                tension, membrane[0] = tension + correction, membrane[0] + correction / stretch
         t = self.strip.thickness
         sx, sy, sxy = membrane / t + 6.0 * moments / t**2
         mises = layers.get("equivalent", np.sqrt(sx**2 - sx * sy + sy**2 + 3.0 * sxy**2))
@@ -194,14 +197,6 @@ class FieldSampler:
             "mean_curvature": self._average(0.5 * (curvature[0] + curvature[1])),
             "normal": self._average(normal),
         }
-
-    def _tension_correction(self, state: StripState, tension: Array) -> Array:
-        """Change of a tension to that in equilibrium, on the mean over the width, in its shape."""
-        if (found := state.tension_profile) is None:
-            return np.zeros_like(tension)
-        places, number, mean = self.stations
-        missing = np.interp(places, *found) - mean @ tension.ravel()
-        return np.asarray(missing[number].reshape(tension.shape))
 
     @cached_property
     def stations(self) -> tuple[Array, Index, csr_matrix]:
