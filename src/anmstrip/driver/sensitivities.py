@@ -197,12 +197,6 @@ class StationaryTangent:
         return np.array([places.get(name, -1) for name in self.order])
 
     @cached_property
-    def passage_of(self) -> Index:
-        """Number of the passage of every roller, from the entry on."""
-        numbers = range(len(self.state.passages))
-        return np.repeat(numbers, [len(passed.names) for passed in self.state.passages])
-
-    @cached_property
     def arcs(self) -> Array:
         """Reference x where contact begins and ends, (passages, 2), from the entry on."""
         return np.array([passed.arc for passed in self.state.passages])
@@ -211,11 +205,6 @@ class StationaryTangent:
     def weights(self) -> Array:
         """Weight (N) of the strip up to there, (passages, 2, 3)."""
         return self.state.weight_before(self.arcs)
-
-    @cached_property
-    def edge_forces(self) -> dict[str, Array]:
-        """Forces on entry and exit (N), (3,) each."""
-        return {name: self.state.edge_force(name) for name in ENDS}
 
 
 @dataclass(frozen=True)
@@ -432,7 +421,7 @@ class Readings:
             return float(self.edge_forces[name] @ outward) / edge.length
         slope = strip.edge_tangent(name, state.full)
         turn = strip.edge_tangent(name, self.change) - [1.0, 0.0, 0.0]
-        force, change = self.tangent.edge_forces[name], self.edge_forces[name]
+        force, change = state.edge_force(name), self.edge_forces[name]
         found = change_along_slope(force, change, slope, turn)
         return sign * float(found) / edge.length
 
@@ -468,7 +457,8 @@ class Readings:
         pushes, drags = (tangent.on_rollers(name, change, self.explicit) for name in tangent.areas)
         count, places = model.strip.kinematics.count, list(tangent.order.values())
         each = -model.strip.kinematics.embed(pushes + drags[:count]).T[places]
-        passed, passages = tangent.passage_of, state.passages
+        passages = state.passages
+        passed = np.repeat(range(len(passages)), [len(passage.names) for passage in passages])
         gained = np.zeros((len(passages), 3))
         np.add.at(gained, passed, each)
         behind = self.edge_forces["entry"] + np.cumsum(gained, axis=0)
