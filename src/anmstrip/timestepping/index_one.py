@@ -440,10 +440,6 @@ class FunctionStepEquations(StepEquations):
         self.unit = self.share * time_stretch(v, self.problem.speed)
         return recurrence
 
-    def unaccelerated(self) -> Array:
-        """Increment with which the velocity stays."""
-        return -self.velocity.slope / self.velocity.rate
-
     def resistance(self, u: Array, control: float) -> Callable[[Array], Array]:
         """∂R/∂v at a state, applied to changes of the velocity."""
         state, t, v = u + self.about, control * self.h + self.t, self.velocity(u, control)
