@@ -101,6 +101,8 @@ class Strip:
         Numbers of unknown components, of degrees of freedom of one of them, and of all.
     node_values : ndarray of int, shape (nodes,)
         Scalar degree of freedom "value" of every mesh node.
+    cell_sizes : ndarray, shape (dimensions, elements)
+        Extent of every element in x (and y) (m).
     length, width : float
         Extents along x and y (m).
     depth : float
@@ -128,6 +130,7 @@ class Strip:
         self.count, self.scalars = kinematics.count, int(self.basis.N)
         self.unknowns = self.count * self.scalars
         self.node_values = self.dofs("u")
+        self.cell_sizes = np.ptp(mesh.p[:, mesh.t], axis=1)
         self.length, *across = np.ptp(mesh.p, axis=1).tolist()
         self.depth, self.width = (1.0, *across) if across else (width, width)
         self.tensile_stiffness = material.young * thickness
@@ -200,11 +203,6 @@ class Strip:
         """Reference x (m) of the nodes at the beginning and at the end."""
         x = self.nodes[0]
         return float(x.min()), float(x.max())
-
-    @cached_property
-    def cell_sizes(self) -> Array:
-        """Extent of every element in x (and y), shape (dimensions, elements)."""
-        return np.ptp(self.mesh.p[:, self.mesh.t], axis=1)
 
     @cached_property
     def areas(self) -> Array:

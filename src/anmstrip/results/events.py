@@ -178,6 +178,10 @@ class EventWatch:
     ----------
     touching, sticking : ndarray of bool, shape (pairs,)
         For every pair of a point and a roller how it is now.
+    which : ndarray of int, shape (pairs,)
+        Number of the roller of each pair.
+    levels : ndarray, shape (pairs,)
+        Gap (m) below which a pair touches.
     """
 
     contact: Contact
@@ -190,18 +194,10 @@ class EventWatch:
         self.watches = Watch(), Watch(), Watch()
         self.plan: Any = None
         self.touching = self.sticking = np.zeros(0, dtype=bool)
-
-    @cached_property
-    def levels(self) -> Array:
-        """Gap (m) below which a pair touches, shape (pairs,)."""
+        self.which = self._of_pairs(list(range(len(self.rollers)))).astype(np.int64)
         law, tension = self.contact.signorini, self.tension
         least = [max(TOUCHING_SHARE * tension / r.radius, law.faint) for r in self.rollers]
-        return self._of_pairs([float(law.gap(pressure)) for pressure in least])
-
-    @cached_property
-    def which(self) -> Index:
-        """Number of the roller of each pair."""
-        return self._of_pairs(list(range(len(self.rollers)))).astype(np.int64)
+        self.levels = self._of_pairs([float(law.gap(pressure)) for pressure in least])
 
     @cached_property
     def speeds(self) -> tuple[float, float]:

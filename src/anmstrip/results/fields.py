@@ -46,6 +46,8 @@ class FieldSampler:
         Points of each element, counter-clockwise seen from above the flat strip.
     reference : ndarray, shape (3, points)
         Reference positions.
+    nearest : ndarray of int, shape (points of one,)
+        Contact point of an element nearest to each of its points.
     """
 
     def __init__(self, strip: Strip, local: Array | None = None) -> None:
@@ -71,6 +73,8 @@ class FieldSampler:
             self.reference[1] = np.tile((across / 3.0 - 0.5) * strip.width, count)
         if local is None:
             self.cells = facing(self.reference, self.cells)
+        apart = self.local[:, :, None] - contact_points(strip)[:, None]
+        self.nearest = (apart**2).sum(axis=0).argmin(axis=1)
 
     def sample(self, state: StripState) -> dict[str, Array]:
         """All fields of a state by name, points first; see :data:`~anmstrip.results.vtk.FIELDS`."""
@@ -126,12 +130,6 @@ class FieldSampler:
             return weighted / weighted.sum(axis=1)[:, None]
         along = np.transpose([np.interp(places, own, row) for row in np.eye(3)])
         return along if self.kind == "line" else np.kron(along, along)
-
-    @cached_property
-    def nearest(self) -> Index:
-        """Contact point of an element nearest to each of its points of output."""
-        apart = self.local[:, :, None] - contact_points(self.strip)[:, None]
-        return np.asarray((apart**2).sum(axis=0).argmin(axis=1))
 
     def contact_fields(self, state: StripState) -> dict[str, Array]:
         """Sums over the rollers of what they do; gap and slip of the nearest one."""
