@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -182,6 +181,8 @@ class EventWatch:
         Number of the roller of each pair.
     levels : ndarray, shape (pairs,)
         Gap (m) below which a pair touches.
+    speeds : tuple of float
+        Slip (m/s) of the corner and of the cone, with friction.
     """
 
     contact: Contact
@@ -198,12 +199,8 @@ class EventWatch:
         law, tension = self.contact.signorini, self.tension
         least = [max(TOUCHING_SHARE * tension / r.radius, law.faint) for r in self.rollers]
         self.levels = self._of_pairs([float(law.gap(pressure)) for pressure in least])
-
-    @cached_property
-    def speeds(self) -> tuple[float, float]:
-        """Slip (m/s) of the corner and of the cone."""
-        assert self.friction_law is not None
-        return corner_speed(self.friction_law), min(cone_speed(self.friction_law), NEVER)
+        if (rubs := self.friction_law) is not None:
+            self.speeds = corner_speed(rubs), min(cone_speed(rubs), NEVER)
 
     def _of_pairs(self, values: list[Any]) -> Array:
         """Return one value for each roller as one for each pair."""
