@@ -65,6 +65,8 @@ class ContactState:
         Area that belongs to each point (m²).
     width : float
         Of the strip (m).
+    cells : ndarray of int, shape (elements, points of one)
+        Points of the elements.
     turning : ndarray, shape (3, points)
         Unit direction of a positive surface speed, ± a × n.
     touching : ndarray of bool, shape (points,)
@@ -97,8 +99,10 @@ class ContactState:
     lifting: float = 0.0  # pressure on the strip that takes it off the roller (Pa)
 
     def __post_init__(self) -> None:
-        self.roller, self.area = self.contact.roller.members[0], self.contact.operator.weights
-        self.width = self.contact.operator.width
+        operator = self.contact.operator
+        self.roller, self.area = self.contact.roller.members[0], operator.weights
+        self.width = operator.width
+        self.cells = np.searchsorted(operator.chosen, operator.cells[self.elements])
         across = self.roller.sense * self.roller.cross_matrix @ self.normal
         self.turning = across / np.linalg.norm(across, axis=0)
         self.touching = self.pressure > self.least
@@ -131,12 +135,6 @@ class ContactState:
     def pressed(self) -> Index:
         """Numbers of these points in the whole strip."""
         return np.asarray(self.contact.operator.chosen[self.touching])
-
-    @cached_property
-    def cells(self) -> Index:
-        """Points of these elements, shape (elements, points of one)."""
-        operator = self.contact.operator
-        return np.searchsorted(operator.chosen, operator.cells[self.elements])
 
     @property
     def cone_share(self) -> Array:
