@@ -15,6 +15,7 @@ import numpy as np
 from anmstrip.advice.preview import Preview, free_motions
 from anmstrip.advice.warnings import levels
 from anmstrip.driver.explain import cell, plain_table, text_of
+from anmstrip.driver.recorder import flat_keys
 from anmstrip.driver.run import Run, require_scene
 from anmstrip.driver.scene import Scene
 from anmstrip.driver.sweep import CHECKPOINT, SUMMARY, Sweep, Variant, folder_name, run_scene
@@ -139,16 +140,6 @@ def adjust(scene: Scene, settings: Settings) -> Scene:
     if scene.strip.refined == "auto":
         del tables["strip"]["refined"]
     return Scene.from_tables(tables, scene.source or Path("scene"), texts)
-
-
-def own_settings(assembly: Assembly, settings: Settings) -> Settings:
-    """Return those settings that are not the scene's own, chosen by default or typed."""
-    scene = assembly.scene
-    own = scene.to_dict()
-    own["strip"].setdefault("finer", 1.0)
-    own["solver"].setdefault("order", assembly.order)
-    parts = {key: key.split(".") for key in settings}
-    return {key: v for key, v in settings.items() if own[parts[key][0]][parts[key][1]] != v}
 
 
 def timed_run(tables: str, source: str, scene: Scene, directory: Path) -> dict[str, Any]:
@@ -281,8 +272,11 @@ class Accuracy(Sweep):
         self.job = partial(timed_run, json.dumps(easiest.to_dict()), str(scene.source or "scene"))
 
     def name(self, settings: Settings) -> str:
-        """Return the name of the directory of a scene."""
-        return folder_name(own_settings(self.assembly, settings)) or "as_given"
+        """Return the name of the directory of a scene, after what is not the given scene's own."""
+        own = {"strip.finer": 1.0, "solver.order": self.assembly.order}
+        own |= flat_keys(self.assembly.scene.to_dict())
+        others = {key: value for key, value in settings.items() if own.get(key) != value}
+        return folder_name(others) or "as_given"
 
     @property
     def plan(self) -> str:

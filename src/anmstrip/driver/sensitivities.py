@@ -15,7 +15,7 @@ import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix, vstack
 from scipy.sparse.linalg import splu
 
-from anmstrip.arrays import Array, Index
+from anmstrip.arrays import Array
 from anmstrip.errors import InputError, Mistake, nearest
 from anmstrip.fem.sampling import quadrature_points
 from anmstrip.linalg.direct import Factors, equilibrate
@@ -55,6 +55,19 @@ class StationaryTangent:
         Of a steady stage.
     hanging : Hanging, optional
         How labels follow strip that hangs between its rollers.
+
+    Attributes
+    ----------
+    friction : SteadyFriction
+        At the points near rollers.
+    order : dict
+        Rollers and their numbers, from the entry on.
+    turning : ndarray of int, shape (rollers,)
+        Unknowns that are their speeds, in this order; −1 of rollers that do not turn freely.
+    arcs : ndarray, shape (passages, 2)
+        Reference x (m) where contact begins and ends, from the entry on.
+    weights : ndarray, shape (passages, 2, 3)
+        Weight (N) of the strip up to there.
     """
 
     def __init__(self, state: State, hanging: Hanging | None = None) -> None:
@@ -65,6 +78,15 @@ class StationaryTangent:
         self.series = self.equations.recurrence(state.full[self.free], state.control, 1)
         self.matrix = self.series.tangent()
         self.parts = {part.effect.name: self._at_points(part) for part in self.series.parts}
+        friction, first = self.law_part("friction").effect, self.model.strip.unknowns
+        assert isinstance(friction, SteadyFriction)
+        self.friction = friction
+        numbers = {roller.name: n for n, roller in enumerate(friction.roller.members)}
+        self.order = {name: numbers[name] for passed in state.passages for name in passed.names}
+        places = {name: first + number for number, name in enumerate(self.model.turning)}
+        self.turning = np.array([places.get(name, -1) for name in self.order])
+        self.arcs = np.array([passed.arc for passed in state.passages])
+        self.weights = state.weight_before(self.arcs)
 
     def _at_points(self, part: EffectSeries) -> EffectSeries:
         """Return the series of a law, whatever its executor, as one of values at points."""
@@ -116,13 +138,6 @@ class StationaryTangent:
         part = self.parts[name]
         assert isinstance(part, LawSeries)
         return part
-
-    @cached_property
-    def friction(self) -> SteadyFriction:
-        """Friction at the points near rollers."""
-        effect = self.law_part("friction").effect
-        assert isinstance(effect, SteadyFriction)
-        return effect
 
     def gathered(self, explicit: Explicit) -> Array:
         """Residual of derivatives at points, shape (unknowns,)."""
@@ -182,40 +197,6 @@ class StationaryTangent:
             shape = len(which), len(rollers)
             areas[name] = csc_matrix((effect.operator.weights, places), shape=shape)
         return areas
-
-    @cached_property
-    def order(self) -> dict[str, int]:
-        """Rollers and their numbers, from the entry on."""
-        numbers = {roller.name: n for n, roller in enumerate(self.friction.roller.members)}
-        return {name: numbers[name] for passed in self.state.passages for name in passed.names}
-
-    @cached_property
-    def turning(self) -> Index:
-        """Unknowns that are their speeds, −1 of rollers that do not turn freely, (rollers,)."""
-        first, turning = self.model.strip.unknowns, self.model.turning
-        places = {name: first + number for number, name in enumerate(turning)}
-        return np.array([places.get(name, -1) for name in self.order])
-
-    @cached_property
-    def passage_of(self) -> Index:
-        """Number of the passage of every roller, from the entry on."""
-        numbers = range(len(self.state.passages))
-        return np.repeat(numbers, [len(passed.names) for passed in self.state.passages])
-
-    @cached_property
-    def arcs(self) -> Array:
-        """Reference x where contact begins and ends, (passages, 2), from the entry on."""
-        return np.array([passed.arc for passed in self.state.passages])
-
-    @cached_property
-    def weights(self) -> Array:
-        """Weight (N) of the strip up to there, (passages, 2, 3)."""
-        return np.array([[self.state.weight_before(x) for x in arc] for arc in self.arcs])
-
-    @cached_property
-    def edge_forces(self) -> dict[str, Array]:
-        """Forces on entry and exit (N), (3,) each."""
-        return {name: self.state.edge_force(name) for name in ENDS}
 
 
 @dataclass(frozen=True)
@@ -432,7 +413,7 @@ class Readings:
             return float(self.edge_forces[name] @ outward) / edge.length
         slope = strip.edge_tangent(name, state.full)
         turn = strip.edge_tangent(name, self.change) - [1.0, 0.0, 0.0]
-        force, change = self.tangent.edge_forces[name], self.edge_forces[name]
+        force, change = state.edge_force(name), self.edge_forces[name]
         found = change_along_slope(force, change, slope, turn)
         return sign * float(found) / edge.length
 
@@ -468,7 +449,8 @@ class Readings:
         pushes, drags = (tangent.on_rollers(name, change, self.explicit) for name in tangent.areas)
         count, places = model.strip.kinematics.count, list(tangent.order.values())
         each = -model.strip.kinematics.embed(pushes + drags[:count]).T[places]
-        passed, passages = tangent.passage_of, state.passages
+        passages = state.passages
+        passed = np.repeat(range(len(passages)), [len(passage.names) for passage in passages])
         gained = np.zeros((len(passages), 3))
         np.add.at(gained, passed, each)
         behind = self.edge_forces["entry"] + np.cumsum(gained, axis=0)

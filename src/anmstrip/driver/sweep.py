@@ -22,7 +22,7 @@ from anmstrip.driver.recorder import flat_keys
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError, Mistake
-from anmstrip.results.files import atomic_write, make_directory, read_json, write_table
+from anmstrip.results.files import make_directory, read_json, write_summary, write_table
 from anmstrip.scene.schema import Override, SceneSpec
 
 if TYPE_CHECKING:
@@ -281,8 +281,7 @@ def run_scene(scene: Scene, directory: Path) -> dict[str, Any]:
         make_directory(directory)
         for name in (INPUT, SUMMARY, CHECKPOINT):
             (directory / name).unlink(missing_ok=True)
-        with atomic_write(directory / INPUT) as temporary:
-            temporary.write_text(json.dumps(scene.to_dict(), indent=2), encoding="utf-8")
+        write_summary(directory / INPUT, scene.to_dict())
     begun = (directory / CHECKPOINT).exists() and not scene.repeated
     for _ in scene.run(directory, resume=begun):
         pass

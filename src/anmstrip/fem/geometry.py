@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,28 +13,31 @@ from anmstrip.arrays import Array
 from anmstrip.taylor.series import taylor_series
 
 
-@dataclass(frozen=True)
 class Kinematics:
-    """A level of description: which displacements of which points are unknown."""
+    """A level of description: which displacements of which points are unknown.
 
-    name: str
-    components: tuple[int, ...]  # of x, y, z (0, 1, 2)
-    directions: int  # of the reference: 2 for a surface, 1 for a line along the strip
+    Parameters
+    ----------
+    name : str
+    components : tuple of int
+        Of x, y, z (0, 1, 2).
+    directions : int
+        Of the reference: 2 for a surface, 1 for a line along the strip.
 
-    @property
-    def count(self) -> int:
-        """Number of unknown components."""
-        return len(self.components)
+    Attributes
+    ----------
+    count : int
+        Number of unknown components.
+    chosen : ndarray, shape (components, 3)
+        Rows of the identity that belong to the components.
+    flat : ndarray, shape (components, directions, 1)
+        Tangent vectors of the flat reference.
+    """
 
-    @cached_property
-    def chosen(self) -> Array:
-        """Rows of the identity that belong to the components, shape (components, 3)."""
-        return np.eye(3)[list(self.components)]
-
-    @cached_property
-    def flat(self) -> Array:
-        """Tangent vectors of the flat reference, shape (components, directions, 1)."""
-        return np.ascontiguousarray(self.chosen[:, : self.directions, None])
+    def __init__(self, name: str, components: tuple[int, ...], directions: int) -> None:
+        self.name, self.components, self.directions = name, components, directions
+        self.count, self.chosen = len(components), np.eye(3)[list(components)]
+        self.flat = np.ascontiguousarray(self.chosen[:, :directions, None])
 
     def pick(self, vector: ArrayLike) -> Array:
         """Components of vectors in space, components on the last axis."""

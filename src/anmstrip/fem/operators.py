@@ -44,7 +44,13 @@ class Blocks:
 
 
 class Pattern:
-    """Sparsity of the tangent, fixed: couplings of scalars, for all pairs of components."""
+    """Sparsity of the tangent, fixed: couplings of scalars, for all pairs of components.
+
+    Attributes
+    ----------
+    couplings : int
+        Number of coupled pairs of scalars.
+    """
 
     def __init__(self, strip: Strip) -> None:
         self.scalars, self.count = strip.scalars, strip.count
@@ -55,12 +61,8 @@ class Pattern:
         self.cells = np.ascontiguousarray(local.transpose(2, 0, 1)).reshape(local.shape[2], -1)
         self.places = self.cells.ravel()
         self.column, self.row = (x.astype(np.int32) for x in np.divmod(keys, self.scalars))
+        self.couplings = len(keys)
         self.restrictions: dict[bytes, Restriction] = {}
-
-    @property
-    def couplings(self) -> int:
-        """Number of coupled pairs of scalars."""
-        return len(self.row)
 
     def zeros(self, others: int = 0) -> Blocks:
         """Empty blocks; others is the number of unknowns besides those of the strip."""
@@ -208,6 +210,13 @@ class CellOperator:
         ``FacetBasis``.
     symmetric : bool, optional
         Whether the laws between its derivatives and forces have a potential.
+
+    Attributes
+    ----------
+    points : int
+        Number of quadrature points.
+    by_point : ndarray, shape (points, components, local)
+        Derivatives of the local functions at every point.
     """
 
     def __init__(
@@ -227,6 +236,8 @@ class CellOperator:
         self.local, self.components, self.elements, self.per_element = fields.shape
         table = fields.transpose(2, 3, 1, 0).reshape(self.elements, -1, self.local)
         self.table: Array = np.ascontiguousarray(table)  # point by point
+        self.points = self.elements * self.per_element
+        self.by_point = self.table.reshape(-1, self.components, self.local)
         self.weights: Array = strip.weights(quadrature).ravel()
         each = np.repeat(self.weights, self.components).reshape(self.elements, -1)
         self.weighted: Array = np.ascontiguousarray(table.swapaxes(1, 2) * each[:, None])
@@ -236,21 +247,11 @@ class CellOperator:
         index = (self.dofs.ravel(), np.arange(self.dofs.size))
         self.sum = csr_matrix((entries, index), shape=(strip.scalars, self.dofs.size))
 
-    @property
-    def points(self) -> int:
-        """Number of quadrature points."""
-        return self.elements * self.per_element
-
     def apply(self, full: Array) -> Array:
         """Derivatives of the unknown components, shape (count, components, points)."""
         own = full[: self.sum.shape[0] * self.count].reshape(-1, self.count)
         by_point = (self.table @ own[self.dofs]).reshape(-1, self.components, self.count)
         return np.ascontiguousarray(by_point.transpose(2, 1, 0))
-
-    @property
-    def by_point(self) -> Array:
-        """Derivatives of the local functions at every point, shape (points, components, local)."""
-        return self.table.reshape(-1, self.components, self.local)
 
     @cached_property
     def matrices(self) -> tuple[list[Part], list[Part]]:
@@ -379,6 +380,11 @@ class InternalOperator:
         the own unknowns follow behind them, and their equations are solved for the whole strip.
     flows : bool, optional
         Whether there are equations for the own unknowns; else they are held.
+
+    Attributes
+    ----------
+    points : int
+        Number of quadrature points.
     """
 
     def __init__(
@@ -390,17 +396,12 @@ class InternalOperator:
         slopes: csr_matrix | None = None,
         flows: bool = True,
     ) -> None:
-        self.cells = copy(cells)
+        self.cells, self.points = copy(cells), cells.points
         self.cells.symmetric = False  # flow has no potential
         self.place, self.variables, self.layers = place, variables, layers
         self.own = variables * len(layers.heights)
         self.slopes, self.flows = slopes, flows
         self.strains = cells.count * cells.components
-
-    @property
-    def points(self) -> int:
-        """Number of quadrature points."""
-        return self.cells.points
 
     @cached_property
     def seeds(self) -> Array:

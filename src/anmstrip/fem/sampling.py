@@ -132,6 +132,8 @@ class ContactOperator(LinearOperator):
         Points of each element.
     reference : ndarray, shape (3, points)
         Reference positions.
+    points : int
+        Number of points.
     weights : ndarray, shape (points,)
         Area that belongs to each point (m²).
     unknowns : int
@@ -159,6 +161,7 @@ class ContactOperator(LinearOperator):
         self.lines: Index = POINT_LINES.get(shape_of(strip), firsts + np.arange(3))
         total = np.bincount(self.cells.ravel(), self.shares.ravel())
         self.weights: Array = total.astype(float)
+        self.points = len(self.weights)
         self.matrix = self._at_points(strip, self.table)
         self.unknowns = strip.unknowns
         self.parts: dict[bytes, Self] = {}
@@ -194,15 +197,10 @@ class ContactOperator(LinearOperator):
         for made in ("matrices", "nearby"):
             vars(part).pop(made, None)
         part.parts = {}
-        part.chosen = self.chosen[points]
+        part.chosen, part.points = self.chosen[points], len(points)
         part.reference, part.weights = self.reference[:, points], self.weights[points]
         part.matrix = self.matrix[points]
         return part
-
-    @property
-    def points(self) -> int:  # type: ignore[override]
-        """Number of points."""
-        return len(self.weights)
 
     @cached_property
     def matrices(self) -> tuple[list[Part], list[Part]]:  # type: ignore[override]
@@ -253,7 +251,7 @@ class RepeatedOperator(ContactOperator):
     """
 
     def __init__(self, once: ContactOperator, times: int) -> None:
-        self.whole, self.times, self.parts = once, times, {}
+        self.whole, self.times, self.parts, self.points = once, times, {}, times * once.points
         self.count, self.width, self.cells = once.count, once.width, once.cells
         self.table, self.shares = once.table, once.shares
 
@@ -265,11 +263,6 @@ class RepeatedOperator(ContactOperator):
         made = self.whole._part(np.tile(self.whole.chosen, self.times))
         vars(self).update({key: getattr(made, key) for key in kept})
         return vars(self)[name]
-
-    @property
-    def points(self) -> int:  # type: ignore[override]
-        """Number of points."""
-        return self.times * self.whole.points
 
     def restricted(self, points: Index) -> ContactOperator:  # type: ignore[override]
         """The same on some of the points, of the operator that is repeated."""

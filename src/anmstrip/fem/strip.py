@@ -95,6 +95,22 @@ class Strip:
         The same of the flat strip: where the mesh file has what is (0, 0) here.
     contact_parts : int
         Equal parts of an element of a section, each with its own points of contact.
+    basis : skfem.Basis
+        C1 functions, and quadrature.
+    count, scalars, unknowns : int
+        Numbers of unknown components, of degrees of freedom of one of them, and of all.
+    node_values : ndarray of int, shape (nodes,)
+        Scalar degree of freedom "value" of every mesh node.
+    cell_sizes : ndarray, shape (dimensions, elements)
+        Extent of every element in x (and y) (m).
+    length, width : float
+        Extents along x and y (m).
+    depth : float
+        Width (m) that is not meshed: that of a section, 1 of a surface.
+    tensile_stiffness, membrane_stiffness : float
+        E t and E t / (1 − ν²) (N/m).
+    bending_stiffness : float
+        D = E t³ / 12 (1 − ν²) (N m).
     """
 
     def __init__(
@@ -109,42 +125,19 @@ class Strip:
         for name, value in (("thickness", thickness), ("width", width)):
             require_number(self, name, value)
         self.mesh, self.thickness, self.material = mesh, thickness, material
-        self.surface = surface
+        self.kinematics, self.surface = kinematics, surface
         self.origin, self.flat_origin, self.contact_parts = np.zeros(3), np.zeros(2), 1
-        self.kinematics = kinematics
         element, degree = next(e for kind, e in ELEMENTS.items() if isinstance(mesh, kind))
         self.basis = Basis(mesh, element(), intorder=degree)
-        self.depth = width if mesh.dim() == 1 else 1.0
-
-    @property
-    def count(self) -> int:
-        """Number of unknown components."""
-        return self.kinematics.count
-
-    @property
-    def tensile_stiffness(self) -> float:
-        """E t (N/m)."""
-        return self.material.young * self.thickness
-
-    @property
-    def membrane_stiffness(self) -> float:
-        """E t / (1 − ν²) (N/m)."""
-        return self.tensile_stiffness / (1.0 - self.material.poisson**2)
-
-    @property
-    def bending_stiffness(self) -> float:
-        """D = E t³ / 12 (1 − ν²) (N m)."""
-        return self.membrane_stiffness * self.thickness**2 / 12.0
-
-    @cached_property
-    def scalars(self) -> int:
-        """Number of degrees of freedom of one component."""
-        return int(self.basis.N)
-
-    @property
-    def unknowns(self) -> int:
-        """Number of degrees of freedom of all unknown components."""
-        return self.count * self.scalars
+        self.count, self.scalars = kinematics.count, int(self.basis.N)
+        self.unknowns = self.count * self.scalars
+        self.node_values = self.dofs("u")
+        self.cell_sizes = np.ptp(mesh.p[:, mesh.t], axis=1)
+        self.length, *across = np.ptp(mesh.p, axis=1).tolist()
+        self.depth, self.width = (1.0, *across) if across else (width, width)
+        self.tensile_stiffness = material.young * thickness
+        self.membrane_stiffness = self.tensile_stiffness / (1.0 - material.poisson**2)
+        self.bending_stiffness = self.membrane_stiffness * thickness**2 / 12.0
 
     def nodal(self, full: Array) -> Array:
         """Values of the degrees of freedom, (scalars, components), of all unknowns of a model."""
@@ -203,11 +196,6 @@ class Strip:
         along = jet.tangents[:, 1] * normal[0] - jet.tangents[:, 0] * normal[1]
         return dx * np.linalg.norm(along, axis=0).reshape(dx.shape)
 
-    @property
-    def node_values(self) -> Index:
-        """Scalar degree of freedom "value" of every mesh node."""
-        return self.dofs("u")
-
     def dofs(self, name: str) -> Index:
         """Scalar degrees of freedom of the nodes by name: u, u_x, u_y, u_xy, ..."""
         return self.basis.nodal_dofs[self.basis.elem.dofnames.index(name)]
@@ -217,21 +205,6 @@ class Strip:
         """Reference x (m) of the nodes at the beginning and at the end."""
         x = self.nodes[0]
         return float(x.min()), float(x.max())
-
-    @property
-    def length(self) -> float:
-        """Extent along x (m)."""
-        return float(np.ptp(self.mesh.p[0]))
-
-    @property
-    def width(self) -> float:
-        """Extent along y (m)."""
-        return self.depth if self.mesh.dim() == 1 else float(np.ptp(self.mesh.p[1]))
-
-    @cached_property
-    def cell_sizes(self) -> Array:
-        """Extent of every element in x (and y), shape (dimensions, elements)."""
-        return np.ptp(self.mesh.p[:, self.mesh.t], axis=1)
 
     @cached_property
     def areas(self) -> Array:

@@ -34,7 +34,7 @@ from anmstrip.paper.mass_spring import (
 )
 from anmstrip.pictures.curves import paneled_figure, save_figure
 from anmstrip.results.events import EVENT_KINDS
-from anmstrip.results.files import atomic_write, make_directory, write_summary, write_table
+from anmstrip.results.files import make_directory, write_summary, write_table
 from anmstrip.taylor.polynomials import Watch, derivative_coefficients, value_at
 from anmstrip.taylor.series import recorded, taylor_series
 from anmstrip.timestepping.formulas import start_memory
@@ -474,15 +474,8 @@ def write_case(report: CaseReport, directory: Path) -> tuple[Path, ...]:
     """Write table, summary, events and figures, and return their paths."""
     make_directory(directory)
     table, summary = directory / "case.csv", directory / "case.json"
-    with atomic_write(table) as temporary:
-        np.savetxt(
-            temporary,
-            report.rows,
-            "%.12g",
-            delimiter=",",
-            header=",".join(CASE_COLUMNS),
-            comments="",
-        )
+    rows = (dict(zip(CASE_COLUMNS, row, strict=True)) for row in report.rows.tolist())
+    write_table(table, CASE_COLUMNS, rows)
     write_summary(summary, report.summary())
     events = directory / "events.csv"
     write_table(events, [f.name for f in fields(CaseEvent)], map(asdict, report.events))

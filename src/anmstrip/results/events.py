@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -71,11 +70,9 @@ class Stretch:
 def moves_otherwise(before: State, plan: StageProblem) -> bool:
     """Return whether a roller begins or ceases to move as a stage begins: velocities jump."""
     at_rest = before.plan is plan  # the first stage
-
-    def changes(name: str) -> bool:
-        return bool(np.any(plan.rate(name) != (0.0 if at_rest else before.plan.rate(name))))
-
-    return any(changes(name) for name in plan.controls.start if name.endswith(".centre"))
+    centres = [name for name in plan.controls.start if name.endswith(".centre")]
+    rates = ((plan.rate(n), 0.0 if at_rest else before.plan.rate(n)) for n in centres)
+    return any(np.any(rate != other) for rate, other in rates)
 
 
 def gap_and_slip(
@@ -180,6 +177,12 @@ class EventWatch:
     ----------
     touching, sticking : ndarray of bool, shape (pairs,)
         For every pair of a point and a roller how it is now.
+    which : ndarray of int, shape (pairs,)
+        Number of the roller of each pair.
+    levels : ndarray, shape (pairs,)
+        Gap (m) below which a pair touches.
+    speeds : tuple of float
+        Slip (m/s) of the corner and of the cone, with friction.
     """
 
     contact: Contact
@@ -192,24 +195,12 @@ class EventWatch:
         self.watches = Watch(), Watch(), Watch()
         self.plan: Any = None
         self.touching = self.sticking = np.zeros(0, dtype=bool)
-
-    @cached_property
-    def levels(self) -> Array:
-        """Gap (m) below which a pair touches, shape (pairs,)."""
+        self.which = self._of_pairs(list(range(len(self.rollers)))).astype(np.int64)
         law, tension = self.contact.signorini, self.tension
         least = [max(TOUCHING_SHARE * tension / r.radius, law.faint) for r in self.rollers]
-        return self._of_pairs([float(law.gap(pressure)) for pressure in least])
-
-    @cached_property
-    def which(self) -> Index:
-        """Number of the roller of each pair."""
-        return self._of_pairs(list(range(len(self.rollers)))).astype(np.int64)
-
-    @cached_property
-    def speeds(self) -> tuple[float, float]:
-        """Slip (m/s) of the corner and of the cone."""
-        assert self.friction_law is not None
-        return corner_speed(self.friction_law), min(cone_speed(self.friction_law), NEVER)
+        self.levels = self._of_pairs([float(law.gap(pressure)) for pressure in least])
+        if (rubs := self.friction_law) is not None:
+            self.speeds = corner_speed(rubs), min(cone_speed(rubs), NEVER)
 
     def _of_pairs(self, values: list[Any]) -> Array:
         """Return one value for each roller as one for each pair."""

@@ -46,6 +46,8 @@ class FieldSampler:
         Points of each element, counter-clockwise seen from above the flat strip.
     reference : ndarray, shape (3, points)
         Reference positions.
+    nearest : ndarray of int, shape (points of one,)
+        Contact point of an element nearest to each of its points.
     """
 
     def __init__(self, strip: Strip, local: Array | None = None) -> None:
@@ -71,6 +73,8 @@ class FieldSampler:
             self.reference[1] = np.tile((across / 3.0 - 0.5) * strip.width, count)
         if local is None:
             self.cells = facing(self.reference, self.cells)
+        apart = self.local[:, :, None] - contact_points(strip)[:, None]
+        self.nearest = (apart**2).sum(axis=0).argmin(axis=1)
 
     def sample(self, state: StripState) -> dict[str, Array]:
         """All fields of a state by name, points first; see :data:`~anmstrip.results.vtk.FIELDS`."""
@@ -127,12 +131,6 @@ class FieldSampler:
         along = np.transpose([np.interp(places, own, row) for row in np.eye(3)])
         return along if self.kind == "line" else np.kron(along, along)
 
-    @cached_property
-    def nearest(self) -> Index:
-        """Contact point of an element nearest to each of its points of output."""
-        apart = self.local[:, :, None] - contact_points(self.strip)[:, None]
-        return np.asarray((apart**2).sum(axis=0).argmin(axis=1))
-
     def contact_fields(self, state: StripState) -> dict[str, Array]:
         """Sums over the rollers of what they do; gap and slip of the nearest one."""
         found = list(state.contacts.values())
@@ -179,8 +177,11 @@ class FieldSampler:
             stretch = np.linalg.norm(tangents[:, 0], axis=0)
             bent = moments[0] * curvature[0] + moments[2] * curvature[2]
             tension = membrane[0] * stretch + bent / stretch
-            correction = self._tension_correction(state, tension)
-            tension, membrane[0] = tension + correction, membrane[0] + correction / stretch
+            if (found := state.tension_profile) is not None:  # means across in equilibrium
+                places, number, mean = self.stations
+                missing = np.interp(places, *found) - mean @ tension.ravel()
+                correction = missing[number].reshape(tension.shape)
+                tension, membrane[0] = tension + correction, membrane[0] + correction / stretch
         t = self.strip.thickness
         sx, sy, sxy = membrane / t + 6.0 * moments / t**2
         mises = layers.get("equivalent", np.sqrt(sx**2 - sx * sy + sy**2 + 3.0 * sxy**2))
@@ -194,14 +195,6 @@ class FieldSampler:
             "mean_curvature": self._average(0.5 * (curvature[0] + curvature[1])),
             "normal": self._average(normal),
         }
-
-    def _tension_correction(self, state: StripState, tension: Array) -> Array:
-        """Change of a tension to that in equilibrium, on the mean over the width, in its shape."""
-        if (found := state.tension_profile) is None:
-            return np.zeros_like(tension)
-        places, number, mean = self.stations
-        missing = np.interp(places, *found) - mean @ tension.ravel()
-        return np.asarray(missing[number].reshape(tension.shape))
 
     @cached_property
     def stations(self) -> tuple[Array, Index, csr_matrix]:

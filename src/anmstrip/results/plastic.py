@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from anmstrip.arrays import Array, Index
+from anmstrip.arrays import Array
 from anmstrip.mechanics.plasticity import VON_MISES, Plasticity
 from anmstrip.mechanics.shell import moduli, weaken
 from anmstrip.results.strip_state import StripState, stations
@@ -62,6 +62,8 @@ class YieldedStrip:
     ----------
     x : ndarray, shape (points,)
         Arc length (m) of the strip as it is cut.
+    stations : tuple of ndarrays
+        Arc lengths (m), ascending, and the number of each point among them.
     stress : ndarray, shape (k, layers, points)
         Pa.
     curvature, force, moment : ndarray, shape (k, points)
@@ -73,6 +75,7 @@ class YieldedStrip:
         self.flow, layers = effect.flow, effect.layers
         x = np.asarray(self.strip.basis.global_coordinates())[0].ravel()
         self.x = x - self.strip.span[0]
+        self.stations = stations(self.strip, self.x)
         self.values = effect.operator.apply(state.full)
         self.stress = np.asarray(effect.stresses(self.values, state.controls))
         self.internal = np.asarray(effect.internal(self.values))
@@ -170,11 +173,6 @@ class YieldedStrip:
         weights = np.multiply.outer(self.effect.layers.weights, self.strip.weights().ravel())
         power = weights * (self.stress * rates).sum(axis=0)
         return float(power.sum()), float(np.average(level, weights=power))
-
-    @cached_property
-    def stations(self) -> tuple[Array, Index]:
-        """Arc lengths (m), ascending, and the number of each point among them."""
-        return stations(self.strip, self.x)
 
     def mean(self, values: Array) -> Array:
         """Return the mean over the width of values at the points, at every station."""

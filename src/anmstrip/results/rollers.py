@@ -8,10 +8,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anmstrip.arrays import Array, Index
-from anmstrip.mechanics.roller import Roller
 
 if TYPE_CHECKING:
     from anmstrip.mechanics.contact import Contact
@@ -55,9 +53,37 @@ WIDTH_STRIPES = 16
 """Stripes of the width, along each of which gaps are averaged."""
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class ContactState:
-    """State of the points of the strip near one roller, or of the nearest."""
+    """State of the points of the strip near one roller, or of the nearest.
+
+    Attributes
+    ----------
+    roller : Roller
+        Its geometry.
+    area : ndarray, shape (points,)
+        Area that belongs to each point (m²).
+    width : float
+        Of the strip (m).
+    cells : ndarray of int, shape (elements, points of one)
+        Points of the elements.
+    turning : ndarray, shape (3, points)
+        Unit direction of a positive surface speed, ± a × n.
+    touching : ndarray of bool, shape (points,)
+        Points in contact.
+    normal_force : float
+        Sum of the normal forces (N).
+    friction_forces : ndarray, shape (points,)
+        Friction force (N) of every point in the sense of a positive speed.
+    drag : float
+        Their sum (N).
+    torque : float
+        Moment of friction about the axis on the strip, in the sense of drag (N m).
+    resultant : ndarray, shape (3,)
+        Force of the roller on the strip (N).
+    max_slip : float
+        Largest slip speed in contact (m/s).
+    """
 
     contact: Contact
     gap: Array  # m, shape (points,)
@@ -71,6 +97,22 @@ class ContactState:
     bearing_torque: float  # against it (N m)
     elements: Index  # with a point within reach; all of their points are among these
     lifting: float = 0.0  # pressure on the strip that takes it off the roller (Pa)
+
+    def __post_init__(self) -> None:
+        operator = self.contact.operator
+        self.roller, self.area = self.contact.roller.members[0], operator.weights
+        self.width = operator.width
+        self.cells = np.searchsorted(operator.chosen, operator.cells[self.elements])
+        across = self.roller.sense * self.roller.cross_matrix @ self.normal
+        self.turning = across / np.linalg.norm(across, axis=0)
+        self.touching = self.pressure > self.least
+        self.normal_force = float((self.pressure * self.area).sum())
+        self.friction_forces = (self.traction * self.turning).sum(axis=0) * self.area
+        self.drag = float(self.friction_forces.sum())
+        self.torque = float(self.friction_forces @ self.arm)
+        self.resultant = ((self.pressure * self.normal + self.traction) * self.area).sum(axis=1)
+        speeds = np.linalg.norm(self.slip, axis=0)
+        self.max_slip = float(speeds[self.touching].max(initial=0.0))
 
     @cached_property
     def least(self) -> Array:
@@ -89,51 +131,10 @@ class ContactState:
         mean = np.divide(squares, forces, out=np.zeros_like(x), where=forces > 0.0)
         return np.maximum(TOUCHING_SHARE * mean, self.contact.signorini.faint)
 
-    @cached_property
-    def touching(self) -> NDArray[np.bool_]:
-        """Points in contact."""
-        return self.pressure > self.least
-
     @property
     def pressed(self) -> Index:
         """Numbers of these points in the whole strip."""
         return np.asarray(self.contact.operator.chosen[self.touching])
-
-    @property
-    def normal_force(self) -> float:
-        """Sum of the normal forces (N)."""
-        return float((self.pressure * self.area).sum())
-
-    @cached_property
-    def friction_forces(self) -> Array:
-        """Friction force (N) of every point in the sense of a positive speed, shape (points,)."""
-        return np.asarray((self.traction * self.turning).sum(axis=0) * self.area)
-
-    @property
-    def drag(self) -> float:
-        """Sum of the friction forces (N)."""
-        return float(self.friction_forces.sum())
-
-    @property
-    def torque(self) -> float:
-        """Moment of friction about the axis on the strip, in the sense of drag (N m)."""
-        return float(self.friction_forces @ self.arm)
-
-    @cached_property
-    def resultant(self) -> Array:
-        """Force of the roller on the strip (N), shape (3,)."""
-        return np.asarray(((self.pressure * self.normal + self.traction) * self.area).sum(axis=1))
-
-    @property
-    def max_slip(self) -> float:
-        """Largest slip speed in contact (m/s)."""
-        return float(np.linalg.norm(self.slip, axis=0)[self.touching].max(initial=0.0))
-
-    @cached_property
-    def cells(self) -> Index:
-        """Points of these elements, shape (elements, points of one)."""
-        operator = self.contact.operator
-        return np.searchsorted(operator.chosen, operator.cells[self.elements])
 
     @property
     def cone_share(self) -> Array:
@@ -190,11 +191,6 @@ class ContactState:
         """Least share of the cone in contact, less :data:`STICKING_SHARE`: above 0 all slips."""
         return float(self.sliding[0].min(initial=1.0)) - STICKING_SHARE
 
-    @property
-    def area(self) -> Array:
-        """Area that belongs to each point (m²)."""
-        return self.contact.operator.weights
-
     @cached_property
     def ends(self) -> Array:
         """Ends of the contact: angle about the axis (rad) and reference x, shape (2, n).
@@ -244,22 +240,6 @@ class ContactState:
     def middle(self) -> float:
         """Reference x of the middle of the contact."""
         return 0.5 * sum(self.arc)
-
-    @property
-    def roller(self) -> Roller:
-        """Geometry of the roller."""
-        return self.contact.roller.members[0]
-
-    @cached_property
-    def turning(self) -> Array:
-        """Unit direction of a positive surface speed, ± a × n, shape (3, points)."""
-        across = self.roller.sense * self.roller.cross_matrix @ self.normal
-        return across / np.linalg.norm(across, axis=0)
-
-    @property
-    def width(self) -> float:
-        """Width of the strip (m)."""
-        return self.contact.operator.width
 
 
 def parabola_roots(values: Array) -> Array:

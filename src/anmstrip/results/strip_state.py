@@ -15,7 +15,6 @@ from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import Named
 from anmstrip.fem.sampling import quadrature_points, shape_of
 from anmstrip.fem.strip import Strip
-from anmstrip.mechanics.loads import FollowerLoad
 from anmstrip.mechanics.shell import Membrane, principal_values
 from anmstrip.results.rollers import (
     FREE_DISTANCE,
@@ -196,24 +195,17 @@ class StripState:
         return self.plan.model.force(self.full, self.velocity, self.plan.controls, self.control)
 
     def edge_force(self, name: str) -> Array:
-        """Total force on an edge, reaction and dead load (N), shape (3,)."""
+        """Total force on an edge, its reaction and loads (N), shape (3,)."""
         strip = self.plan.model.strip
         edge = strip.edges[name]
         given = self.controls.get(f"{name}.force", np.zeros(3)) * edge.length
-        given = given + self.following_force(name)
+        if (pull := self._effect(f"tension on {name}")) is not None:  # follows the strip
+            stress = pull.law(pull.operator.apply(self.full), None, self.controls)
+            given = given - strip.kinematics.embed(stress[:, 0] @ pull.operator.weights)
         if name == "entry" and 0 not in strip.kinematics.components:  # what holds a plate along
             given[0] -= self.controls.get("exit.force", np.zeros(3))[0] * edge.length
         values = strip.nodal(self.imbalance)[edge.values].sum(axis=0)
         return strip.kinematics.embed(values) + given
-
-    def following_force(self, name: str) -> Array:
-        """Total of the load that follows the strip at an edge (N), shape (3,)."""
-        for effect in self.plan.model.effects:
-            if isinstance(effect, FollowerLoad) and effect.control == f"{name}.tension":
-                operator = effect.operator
-                stress = effect.law(operator.apply(self.full), None, self.controls)
-                return self.plan.model.strip.kinematics.embed(-stress[:, 0] @ operator.weights)
-        return np.zeros(3)
 
     def pull_direction(self, name: str) -> Array | None:
         """Direction of the force that pulls an edge, in the plane in which the strip bends, (3,).

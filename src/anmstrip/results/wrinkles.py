@@ -250,31 +250,30 @@ def square_integrals(y: Array, w: Array) -> Array:
     return np.array([w2 @ sizes, slope2 @ (1.0 / sizes)])
 
 
-@dataclass(frozen=True)
 class Wrinkling:
-    """Compression and wrinkles in a state of a shell."""
+    """Compression and wrinkles in a state of a shell.
 
-    state: State
+    Parameters
+    ----------
+    state : State
 
-    @cached_property
-    def spans(self) -> list[Span]:
-        """Free spans, from entry to exit."""
-        return list(free_spans(self.state))
+    Attributes
+    ----------
+    spans : list of Span
+        Free spans, from entry to exit.
+    compression : float
+        Largest principal compression of the free spans (N/m), at least 0.
+    near : list of Span
+        Spans that are near to wrinkling.
+    warnings : list of str
+        The same in words.
+    """
 
-    @property
-    def compression(self) -> float:
-        """Largest principal compression of the free spans (N/m), at least 0."""
-        return max((span.compression for span in self.spans), default=0.0)
-
-    @property
-    def near(self) -> list[Span]:
-        """Spans that are near to wrinkling."""
-        return [span for span in self.spans if span.near]
-
-    @property
-    def warnings(self) -> list[str]:
-        """The same in words."""
-        return [f"the strip is {span}" for span in self.near]
+    def __init__(self, state: State) -> None:
+        self.state, self.spans = state, list(free_spans(state))
+        self.compression = max((span.compression for span in self.spans), default=0.0)
+        self.near = [span for span in self.spans if span.near]
+        self.warnings = [f"the strip is {span}" for span in self.near]
 
     def lines(self, sampler: FieldSampler | None = None) -> list[tuple[float, Array, Array]]:
         """Return x, y and w (m) of the lines x = const of points that a parabola may not fit.

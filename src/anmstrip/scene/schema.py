@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set, ValuesView
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from itertools import accumulate
@@ -318,11 +319,8 @@ class Override:
         """
         name, equals, typed = (part.strip() for part in text.partition("="))
         inside: Any = None
-        try:
-            if "\n" not in name:
-                inside = tomllib.loads(f"{name} = 0")
-        except (ValueError, RecursionError):
-            pass
+        with suppress(ValueError, RecursionError):
+            inside = None if "\n" in name else tomllib.loads(f"{name} = 0")
         path: list[str] = []
         while isinstance(inside, Mapping) and len(inside) == 1:
             path.extend(inside)

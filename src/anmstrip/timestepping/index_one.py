@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import Any, Protocol
 
 import numpy as np
@@ -286,18 +286,14 @@ def pivot(residual: Residual, u: Array, v: Array, t: float) -> tuple[float, floa
 def instabilities(residual: Residual, path: TimePath) -> list[Instability]:
     """Stretches in which a computed motion is unstable, in the order of time."""
     residual, whole = recorded(residual), path.knots[-1] - path.knots[0]
-    found: list[Instability] = []
-    current: list[tuple[float, float, float]] = []
-    for t in [*path.knots[1:], np.inf]:
-        S, rate = pivot(residual, *path(t), t) if np.isfinite(t) else (np.inf, -np.inf)
-        if rate * whole > UNSTABLE_GROWTH:
-            current.append((float(t), S, rate))
-        elif current:
-            start, end = current[0][0], current[-1][0]
-            moved = np.abs(path(min(t, path.knots[-1]))[0] - path(start)[0]).max()
-            lowest, fastest = min(c[1] for c in current), max(c[2] for c in current)
-            found.append(Instability(start, end, lowest, fastest, float(moved)))
-            current = []
+    found, ends = list[Instability](), path.knots[1:].tolist()
+    known = [(n, *pivot(residual, *path(t), t)) for n, t in enumerate(ends)]
+    for unstable, stretch in groupby(known, lambda step: step[2] * whole > UNSTABLE_GROWTH):
+        if unstable:
+            numbers, pivots, rates = zip(*stretch, strict=True)
+            start, end, after = ends[numbers[0]], ends[numbers[-1]], ends[numbers[-1] + 1 :]
+            moved = np.abs(path(after[0] if after else end)[0] - path(start)[0]).max()
+            found.append(Instability(start, end, min(pivots), max(rates), float(moved)))
     return found
 
 
@@ -443,10 +439,6 @@ class FunctionStepEquations(StepEquations):
         v = self.velocity(u, control)
         self.unit = self.share * time_stretch(v, self.problem.speed)
         return recurrence
-
-    def unaccelerated(self) -> Array:
-        """Increment with which the velocity stays."""
-        return -self.velocity.slope / self.velocity.rate
 
     def resistance(self, u: Array, control: float) -> Callable[[Array], Array]:
         """∂R/∂v at a state, applied to changes of the velocity."""
