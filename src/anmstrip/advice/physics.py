@@ -1494,6 +1494,26 @@ def lifting_pressure(preview: Preview) -> Iterator[str]:
             return
 
 
+def lifted_off_by_pressure(preview: Preview) -> Iterator[str]:
+    """Pressure on flat strip that nothing pulls, by which it leaves the rollers that carry it."""
+    scene, material = preview.assembly.scene, preview.assembly.material
+    held = [edge for edge in scene.edges.values() if "z" in edge.fixed]
+    if scene.threading is not None or preview.tension > 0.0 or len(held) >= len(ENDS):
+        return
+    sides = {np.sign(roller.centre[2]) for roller in scene.rollers}
+    for stage, plan in zip(preview.stages, preview.plans, strict=True):
+        pressure, gravity = stage.pressure or 0.0, plan.controls.at(1.0).get("gravity", np.zeros(3))
+        weight = material.density * scene.strip.thickness * float(gravity[2])
+        if pressure * weight < 0.0 and np.sign(pressure + weight) not in {*sides, 0.0}:
+            key, least = f"stages.{stage.name}.pressure", SAFE_ANGLE_SHARE * abs(weight)
+            yield (
+                f"{key} = {pressure:g} is more than the strip weighs, {abs(weight):.3g} Pa, and "
+                "lifts it off its rollers: nothing beyond holds it. "
+                f"Try --set {key}={np.sign(pressure) * two_digits(least, np.floor):g}"
+            )
+            return
+
+
 def side_of_return(preview: Preview) -> Iterator[str]:
     """Rollers "over" which strip that travels back along −x passes below, or "under" them above.
 
@@ -1518,6 +1538,7 @@ def side_of_return(preview: Preview) -> Iterator[str]:
 PHYSICS_RULES = (
     side_of_return,
     lifting_pressure,
+    lifted_off_by_pressure,
     sinking_exit,
     turning_pull,
     nip_forces,

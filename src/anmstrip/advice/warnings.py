@@ -620,10 +620,10 @@ def heavy_strip(preview: Preview) -> Iterator[str]:
     if sagging:
         (first, weight), *others = sagging.items()
         also = f", as in {', '.join(name for name, _ in others)}" if others else ""
+        pull = f"{weight / largest:.2g} times its tension" if largest else "nothing pulls it"
         yield (
-            f"in stage {first} a span of the strip weighs {weight:.2g} N/m, "
-            f"{weight / largest:.2g} times its tension, and sags deeply{also}. Try a larger "
-            "tension, unless it is meant to hang."
+            f"in stage {first} a span of the strip weighs {weight:.2g} N/m, {pull}, and it sags "
+            f"deeply{also}. Try a larger tension, unless it is meant to hang."
         )
 
 
