@@ -295,10 +295,15 @@ class _Integrator:
             return memory
 
     def begun(self, memory: Memory) -> Memory:
-        """Return the memory after the first instant, with the velocity there."""
+        """Return the memory after the first instant, with the velocity there.
+
+        In equilibrium to a share of what is asked for elsewhere, as what acts by then is one of
+        what acts later: a plate was left above its rollers by an imbalance as large as its weight.
+        """
         t = memory.times[0]
         after = t + max(NEGLIGIBLE_SHARE * memory.step, smallest_step(t))
-        first = self.trial(memory, after, 1)
+        finer = replace(self.settings, tolerance=NEGLIGIBLE_SHARE * self.settings.tolerance)
+        first = replace(self, settings=finer).trial(memory, after, 1)
         return start_memory(after, first.u, first.v, memory.step, memory.errors)
 
     def path(
