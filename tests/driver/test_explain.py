@@ -11,7 +11,7 @@ import pytest
 
 from anmstrip.advice.preview import Preview
 from anmstrip.advice.warnings import Level, justified_level, levels, warnings
-from anmstrip.driver.explain import explain, stage_table
+from anmstrip.driver.explain import explain, plain_table, stage_table, text_of
 from anmstrip.driver.scene import Scene
 from anmstrip.simulation.problem import Assembly
 
@@ -126,6 +126,17 @@ def test_a_line_whose_tension_is_gone_keeps_the_direction_of_its_end() -> None:
     tables["stages"].append({"duration": 1.0, "exit": {"force": [0.0, 0.0, 0.0]}})
     wraps = [string.turns for string in Preview.of(Assembly(Scene.model_validate(tables))).strings]
     assert wraps[-1] == pytest.approx(wraps[0], abs=1e-9)
+
+
+def test_numbers_of_wide_tables_are_not_folded() -> None:
+    """The slip of a shell of a wide line was 5.84e-0 in one row and 8 in the next."""
+    heads = [f"head {i}\n(m)" for i in range(11)]
+    for number, space in (("123.456", 2), ("1234.567", 1)):
+        table = plain_table("Rollers", "\nroller", *heads[: 11 - space])
+        table.add_row("r1", *[number] * (11 - space))
+        row = text_of([table]).splitlines()[-1]
+        assert row.split() == ["r1", *[number] * (11 - space)]
+        assert number + " " * space + number in row
 
 
 def test_capstan_justifies_a_section() -> None:

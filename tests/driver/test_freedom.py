@@ -85,6 +85,15 @@ def test_a_threaded_shell_that_nothing_holds_across_is_centred() -> None:
     assert abs(last.state.rollers["r1"].offset) < 1e-9
 
 
+def test_the_entry_over_a_roller_with_a_hollow_is_centred() -> None:
+    """A spreader drives strip off; its entry was left to it, and it ended 1.3 mm aside."""
+    hollow = {"rollers": [{**THREADED["rollers"][0], "crown": [0.0, 1e-4]}]}
+    scene = Scene.model_validate(THREADED | NOT_CENTRED | hollow)
+    assert Assembly(scene).scene.edges["entry"].centred
+    scene = Scene.model_validate(THREADED | LOOSE | hollow)
+    assert "No edge is held in y: friction alone keeps the strip" in explain(scene)
+
+
 @pytest.mark.parametrize(
     "others",
     [
@@ -92,6 +101,11 @@ def test_a_threaded_shell_that_nothing_holds_across_is_centred() -> None:
         {"edges": {**NOT_CENTRED["edges"], "exit": {"fixed": ["y"]}}},
         {"edges": {**NOT_CENTRED["edges"], "exit": {"centred": True}}},
         {"rollers": [{**THREADED["rollers"][0], "crown": [0.0, -1e-3]}]},
+        {
+            "rollers": [
+                {**THREADED["rollers"][0], "sides": {"taper": 1e-3, "flat": 0.4, "rounding": 0.05}}
+            ]
+        },
         {"strip": {**THREADED["strip"], "cells": [16, 3]}},
         {"strip": {**THREADED["strip"], "kinematics": "section"}},
     ],

@@ -621,6 +621,10 @@ def test_what_many_unknowns_cost_is_told_instead_of_an_advice(
     )  # fmt: skip
     assert found is not None, words
     assert coarse(thin(0.1), tight, found[1]) == ([], int(found[2]))
+    with monkeypatch.context() as small:  # else the key that is told would be refused
+        small.setattr("anmstrip.advice.warnings.memory_of_machine", lambda: 1e9)
+        (words,), _ = coarse(thin(0.1), tight)
+    assert words.endswith("Shorter ones do not fit into the 1 GB of this machine."), words
     monkeypatch.setattr("anmstrip.advice.warnings.MAX_ELEMENTS", 5000)
     (words,), _ = coarse(thin(0.1), tight)
     assert re.search(r"Shorter ones would be \d+, more than a mesh may have\.$", words), words

@@ -355,6 +355,18 @@ def test_guess_of_uneven_rollers_is_at_rest_in_its_surface(name: str) -> None:
     assert (n[0, 0] @ weights) / weights.sum() == pytest.approx(1e4, rel=0.01)
 
 
+def test_hot_strip_is_laid_on_uneven_rollers() -> None:
+    """The guess slid to where cold strip is at rest, 87 mm short, and no equilibrium was found."""
+    tables = moved_one(crown=(0.0, -2e-5))
+    strip = {**tables["strip"], "temperature": 600.0}
+    scene = scene_of({**tables, "strip": strip}, "shell", material={"expansion": 1.3e-5})
+    assembly = Assembly(scene)
+    controls = assembly.natural(scene.strip)
+    n = assembly.membrane.at(assembly.laid, controls)[0, 0]
+    weights = assembly.membrane.operator.weights
+    assert (n @ weights) / weights.sum() == pytest.approx(1e4, rel=0.01)
+
+
 def test_guide_resists_along_its_normals_alone() -> None:
     assembly = Assembly(scene_of(moved_one(), "shell"))
     strip = assembly.strip

@@ -40,6 +40,7 @@ from anmstrip.simulation.meshing import (
     LAYER_SHARE,
     MAX_ELEMENTS,
     contact_stands,
+    memory_of_machine,
     mesh_density,
     most_unknowns,
     surface_speed,
@@ -448,7 +449,7 @@ def unresolved_waves(state: State, scene: SceneSpec) -> Iterator[str]:
     cure = f"Try --set strip.finer={finer:g}"
     unknowns = int(strip.unknowns * (finer / mesh_density(scene)) ** 2)
     if unknowns > MAX_HALVED_UNKNOWNS:
-        cure = f"--set strip.finer={finer:g} makes them so short, but with {priced(unknowns)}"
+        cure = priced(f"--set strip.finer={finer:g}", unknowns)
     if scene.strip.mesh is not None:
         cure = f"Try elements of {longest:.2g} m in strip.mesh."
     others = f", the shortest of {len(spans)} spans," if len(spans) > 1 else ""
@@ -720,17 +721,20 @@ def shorter_elements(assembly: Assembly, longest: float) -> str:
     if found.unknowns <= MAX_HALVED_UNKNOWNS:
         less = " or less travel" * any(not stage.steady for stage in scene.stages)
         return f"Shorter ones need {count}. Try {key}{less}"
-    return f"{key} makes them so short, but with {priced(found.unknowns)}"
+    return priced(key, found.unknowns)
 
 
-def priced(unknowns: int) -> str:
-    """Say what so many unknowns of a shell cost before anything is solved."""
+def priced(key: str, unknowns: int) -> str:
+    """Say what a key for shorter elements costs before anything is solved, if they fit."""
     known, seconds, power = EXPLAIN_COST
     memory, seconds = BYTES_PER_UNKNOWN * unknowns / 1e9, seconds * (unknowns / known) ** power
+    there = memory_of_machine() / 1e9
+    if memory > there:
+        return f"Shorter ones do not fit into the {there:.0f} GB of this machine."
     time = f"{seconds:.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} minutes"
     return (
-        f"{unknowns} unknowns, for which `anmstrip explain` alone takes about {memory:.0f} GB "
-        f"and {time}."
+        f"{key} makes them so short, but with {unknowns} unknowns, for which `anmstrip explain` "
+        f"alone takes about {memory:.0f} GB and {time}."
     )
 
 

@@ -27,6 +27,7 @@ from anmstrip.simulation.defaults import (
     elastic_creep,
     free_across,
     given_tensions,
+    guides_strip,
     loose_across,
     slip_of_held_strip,
 )
@@ -69,10 +70,18 @@ def explain(scene: SceneSpec) -> str:
 
 
 def text_of(parts: Iterable[str | Table], width: int = 100) -> str:
-    """Return sentences and tables as text, so many characters wide."""
+    """Return sentences and tables as text, so many characters wide.
+
+    Tables of numbers, with units in their heads, have one space between columns instead of two
+    where numbers would be folded.
+    """
     stream = StringIO()
     console = Console(file=stream, width=width, no_color=True, highlight=False)
+    free = console.options.update(max_width=1000)
     for part in parts:
+        wide = console.measure(part, options=free).maximum > width
+        if wide and isinstance(part, Table) and any("\n" in str(c.header) for c in part.columns):
+            part.padding = (0, 1, 0, 0)
         console.print(part, markup=False)
     return stream.getvalue().rstrip()
 
@@ -97,7 +106,8 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
     if loose_across(scene):
         yield "Nothing else holds the strip in y: the middle of the entry is (edges.entry.centred)."
     elif free_across(scene):
-        guides = [roller.name for roller in scene.rollers if roller.profile]
+        width = scene.strip.width
+        guides = [roller.name for roller in scene.rollers if guides_strip(roller, width)]
         shape = f" and the shape of {', '.join(map(str, guides))} alone keep" if guides else ""
         yield f"No edge is held in y: friction{shape or ' alone keeps'} the strip on its rollers."
     if assembly.growth is not None:

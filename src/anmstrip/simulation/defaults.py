@@ -89,16 +89,26 @@ def with_defaults(scene: SceneSpec) -> SceneSpec:
 def loose_across(scene: SceneSpec) -> bool:
     """Return whether a threaded shell has its entry centred by default: nothing else holds its y.
 
-    Threading is without friction, and steady strip slides through its shape.  Rollers with a
-    profile may guide it, unless a taper or an axis out of line drives it to a side; an odd number
-    of elements across has no node in the middle.
+    Threading is without friction, and steady strip slides through its shape.  Rollers that are
+    thicker in the middle may guide it, unless a taper or an axis out of line drives it to a side;
+    an odd number of elements across has no node in the middle.
     """
     strip, edges = scene.strip, scene.edges
     driven = any(roller.taper or roller.axis[0] or roller.axis[2] for roller in scene.rollers)
-    guided = any(roller.profile for roller in scene.rollers) and not driven
+    guided = any(guides_strip(roller, strip.width) for roller in scene.rollers) and not driven
     odd = strip.cells is not None and strip.cells[1] % 2 == 1
     free = free_across(scene) and not (guided or odd)
     return free and "entry" in edges and edges["entry"].centred is None
+
+
+def guides_strip(roller: RollerSpec, width: float | None) -> bool:
+    """Return whether a roller is thinner under both edges of the strip than in its middle.
+
+    Strip runs to where a roller is thicker: a spreader with a hollow drives it off.
+    """
+    half = 0.5 * (width or 0.0)
+    crown = [np.polyval((*reversed(roller.crown), 0.0), y) for y in (-half, half)]
+    return bool(max(crown) < 0.0) or (roller.sides is not None and roller.sides.taper > 0.0)
 
 
 def free_across(scene: SceneSpec) -> bool:

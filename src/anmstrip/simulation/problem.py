@@ -328,7 +328,7 @@ class Assembly:
     def laid(self) -> Array:
         """Displacements of a threaded strip before equilibrium, shape (unknowns of it,)."""
         assert self.thread is not None
-        return self.thread.guess(self.strip, self.pattern)
+        return self.thread.guess(self.strip, self.pattern, self.natural(self.scene.strip))
 
     @cached_property
     def growth(self) -> Growth | None:

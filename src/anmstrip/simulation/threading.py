@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -248,12 +248,17 @@ class Thread:
         outward = np.stack([direction[0], np.zeros(2), direction[1]]) * [-1.0, 1.0]
         return moved[:, 0], moved[:, 1], outward[:, 0], outward[:, 1]
 
-    def guess(self, strip: Strip, pattern: Pattern) -> Array:
-        """Displacements of the threaded strip before equilibrium, shape (unknowns,)."""
+    def guess(
+        self, strip: Strip, pattern: Pattern, natural: Mapping[str, Array] | None = None
+    ) -> Array:
+        """Displacements of the threaded strip before equilibrium, shape (unknowns,).
+
+        `natural` are the controls of its heat, flatness and camber.
+        """
         full = self.laid(strip, pattern)
         # Fibres that go ways of different lengths slide along their own surface first.
         uneven = any(not r.is_cylinder or r.unit_axis[0] or r.unit_axis[2] for r in self.rollers)
-        return self._relaxed(strip, pattern, full) if uneven else full
+        return self._relaxed(strip, pattern, full, natural or {}) if uneven else full
 
     def laid(self, strip: Strip, pattern: Pattern) -> Array:
         """Displacements onto the path, in the mean square over the strip, shape (unknowns,).
@@ -273,7 +278,9 @@ class Thread:
         places = np.stack([position[0], reference[1] * across, position[1]])
         return l2_projection(strip, pattern, places - reference)
 
-    def _relaxed(self, strip: Strip, pattern: Pattern, full: Array) -> Array:
+    def _relaxed(
+        self, strip: Strip, pattern: Pattern, full: Array, natural: Mapping[str, Array]
+    ) -> Array:
         """Let a shell slide along its own surface, between entry and exit, to equilibrium."""
         entry, (*_, leaving) = strip.edges["entry"], self.ends_in_space(strip)
         one = entry.values[[len(entry.values) // 2]]
@@ -284,7 +291,7 @@ class Thread:
         supports = replace(at_rest, start=start)
         effects: list[Effect] = [Membrane(strip), edge_force(strip, "exit"), Guide(strip, full)]
         scales = Scales(strip.length, self.tension * strip.width, self.tension)
-        pull = Controls({"exit.force": self.tension * leaving})
+        pull = Controls({"exit.force": self.tension * leaving, **natural})
         equations = Equilibrium(Model(strip, pattern, effects, scales), supports, pull)
         settings = Settings(order=RELAXATION_ORDER, tolerance=RELAXATION_TOLERANCE)
         u = full[at_rest.free]
