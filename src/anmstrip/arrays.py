@@ -13,9 +13,8 @@ Index = NDArray[np.int64]
 
 NUMBERS = {
     "poisson": (-1.0, 0.5, "above -1 and below 0.5"),
-    "exponent": (*np.nextafter([0.0, 1.0], [-1.0, 2.0]), "from 0 to 1"),
     **dict.fromkeys(
-        ("coefficient", "omega", "density", "expansion"),
+        ("coefficient", "exponent", "omega", "density", "expansion"),
         (np.nextafter(0.0, -1.0), np.inf, "of at least 0"),
     ),
 }
