@@ -744,6 +744,7 @@ ELSEWHERE = {
     "sinking_exit": "test_forewarnings.py",
     "uneven_fibres": "test_forewarnings.py",
     "loose_fibres": "test_forewarnings.py",
+    "raised_tensions": "of loose_fibres, in test_forewarnings.py",
     "too_large": "test_diagnosis.py",
     "asked_too_much": "test_diagnosis.py",
     "more_tension": "slack, and test_random_lines.py of a threaded line",

@@ -591,6 +591,22 @@ def test_edges_come_off_crowned_rollers_from_the_tension_that_is_told() -> None:
     assert abs(forces[(first < x) & (x < last)].min()) < 0.15 * float(found[2])
 
 
+def test_edges_come_off_crowned_rollers_at_the_tension_of_any_stage() -> None:
+    """The one told for the threading alone left the strip as slack as it was in its stage."""
+    tables = crowned(n=2, crown=-2e-4)
+    ends = {end: {"tension": 7e3} for end in ("entry", "exit")}
+    tables["stages"] = [{"name": "run", "steady": True, **ends}]
+    tables["friction"] = {"coefficient": 0.2}
+    tables["threading"]["tension"] = 9e3
+    (told,) = loose_fibres(preview_of(tables))
+    assert "At 7e+03 N/m they come off" in told
+    settings = re.findall(r"--set (\S+)", told)
+    keys = ["threading.tension", "stages.run.entry.tension", "stages.run.exit.tension"]
+    assert [setting.split("=")[0] for setting in settings] == keys
+    scene = Scene.from_tables(tables, "line.toml", settings)
+    assert not list(loose_fibres(Preview.of(Assembly(scene))))
+
+
 @pytest.mark.slow
 def test_a_line_of_crowned_rollers_runs_where_its_edges_bear_nothing() -> None:
     """They stopped for it while the strip was laid on; it is told before the run."""

@@ -30,6 +30,7 @@ from anmstrip.simulation.defaults import (
     coefficient_on,
     distributed_load,
     flow_stress,
+    given_tensions,
     largest_force,
     varies_along,
 )
@@ -1373,7 +1374,8 @@ def loose_fibres(preview: Preview) -> Iterator[str]:
     decays like e^(−4.21 x/W) (Timoshenko and Goodier, Theory of elasticity, 1970, §26), so that
     1 − e^(−2.1 a/W) of it is left in the middle.
     """
-    strip, thread, tension = preview.assembly.strip, preview.assembly.thread, preview.tension
+    strip, thread, scene = preview.assembly.strip, preview.assembly.thread, preview.assembly.scene
+    tension = min((pull for pull in given_tensions(scene) if pull > 0.0), default=0.0)
     if strip.kinematics.name != "shell" or thread is None or tension == 0.0:
         return
     needed, turns = dict[str, float](), thread.turns
@@ -1395,8 +1397,17 @@ def loose_fibres(preview: Preview) -> Iterator[str]:
             f"the radius of {', '.join(needed)} varies so much below the strip that its "
             f"shortest fibres there bear none of a tension below about {most:.2g} N/m. At "
             f"{tension:.3g} N/m they come off, and the strip beside may wrinkle. "
-            f"Try {share:g} of the crown or taper, or --set threading.tension={most:g}"
+            f"Try {share:g} of the crown or taper, or {raised_tensions(scene, most)}"
         )
+
+
+def raised_tensions(scene: SceneSpec, least: float) -> str:
+    """Return settings by which no tension that pulls a threaded line is below one (N/m)."""
+    given = {"threading": scene.threading.tension if scene.threading else None}
+    for stage in scene.stages:
+        given |= {f"stages.{stage.name}.{end}": edge.tension for end, edge in stage.edges.items()}
+    low = [key for key, tension in given.items() if tension and tension < least]
+    return " ".join(f"--set {key}.tension={least:g}" for key in low)
 
 
 def sinking_exit(preview: Preview) -> Iterator[str]:
