@@ -315,7 +315,8 @@ def test_flatness_in_the_summary(
     assert summary["manifest_flatness"] == pytest.approx(1e5 * np.ptp(excess), rel=0.01)
     wave = 1e5 * 0.25 * np.pi**2 * (4.73e-3 / 0.70) ** 2
     assert summary["manifest_flatness"] == pytest.approx(wave, rel=0.05)
-    told = f"Flatness: 24 I-units latent, {summary['manifest_flatness']:.3g} of them in waves."
+    highest = f"{summary['manifest_flatness']:.3g} in waves where they are highest."
+    told = f"Flatness: 24 I-units latent in the mean along the strip, {highest}"
     assert told in report(waved[0])
     nothing = {"latent_flatness": 4e-10, "manifest_flatness": 14.2}
     monkeypatch.setattr(waved[0], "flatness", nothing)

@@ -489,7 +489,8 @@ def report(run: Run, told: Collection[str] = ()) -> str:
         parts.append(f"Tension {' and '.join(ends)}.")
         latent, manifest = (run.flatness.get(f"{k}_flatness") for k in ("latent", "manifest"))
         if latent is not None and manifest is not None and latent >= MIN_FLATNESS:
-            parts.append(f"Flatness: {latent:.3g} I-units latent, {manifest:.3g} of them in waves.")
+            mean = f"{latent:.3g} I-units latent in the mean along the strip"
+            parts.append(f"Flatness: {mean}, {manifest:.3g} in waves where they are highest.")
         driven = [r.name for r in run.scene.rollers if r.driven]
         touched = {n: c for n in driven if (c := state.contacts.get(n)) and c.touching.any()}
         slid = [n for n in touched if (state.rollers[n].capacity_used or 0.0) > SLIDING_SHARE]
