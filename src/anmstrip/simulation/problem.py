@@ -840,8 +840,9 @@ class Assembly:
         forces of strip that is bent until it flows count beside M/t of first yield then: a unit of
         D/L² makes a three-point bending test take 462 tangents instead of 166.
         """
-        stages = [each for each in self.scene.up_to(stage) if each.name != THREADING]
-        scene = self.scene.model_copy(update={"stages": tuple(stages)})
+        names = {each.name for each in self.scene.up_to(stage)}
+        stages = tuple(each for each in self.scene.stages if each.name in names)
+        scene = self.scene.model_copy(update={"stages": stages})
         tension, yielding = largest_force(scene), 0.0
         if tension == 0.0:
             strains = (eigenstrain(scene, s, stressing=True) for s in scene.shapes)
