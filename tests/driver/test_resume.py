@@ -231,6 +231,19 @@ def test_a_checkpoint_of_another_program_is_refused(
         Scene.load(scene).run(copy, resume=True)
 
 
+def test_a_checkpoint_without_what_a_later_program_keeps_is_refused(
+    begun: tuple[Path, Path], tmp_path: Path
+) -> None:
+    scene, results = begun
+    copy = shutil.copytree(results, tmp_path / "copy")
+    arrays, facts = load_checkpoint(copy / "checkpoint.npz")
+    del facts["signature"], facts["linear_solver"]
+    facts["signature"] = recorder.signature(arrays, facts)
+    save_checkpoint(copy / "checkpoint.npz", arrays, facts)
+    with pytest.raises(InputError, match=r"another version .* without 'linear_solver'"):
+        Scene.load(scene).run(copy, resume=True)
+
+
 def test_the_next_command_is_what_was_typed() -> None:
     settings = ("friction.coefficient=0.2", "strip.cells=[40, 4]", 'title="it\'s"')
     given = Path("a b/scene.toml"), Path("my results"), settings

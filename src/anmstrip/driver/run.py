@@ -33,7 +33,7 @@ from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import Named, as_path
 from anmstrip.fem.geometry import SHELL
 from anmstrip.linalg.direct import SingularTangentError
-from anmstrip.results.files import ERROR_WORDS, read_history
+from anmstrip.results.files import ERROR_WORDS, read_history, refused_checkpoint
 from anmstrip.results.plastic import MeanFlow
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import Onset, WrinkleWatch, Wrinkling
@@ -273,8 +273,13 @@ class Run:
         resumed = None
         if resume:
             assert self.directory is not None
-            arrays, resumed = read_checkpoint(self.directory / "checkpoint.npz", self.march)
-            unpack(self, arrays, resumed)
+            path = self.directory / "checkpoint.npz"
+            arrays, resumed = read_checkpoint(path, self.march)
+            try:
+                unpack(self, arrays, resumed)
+            except KeyError as lost:
+                found = f"written by another version of this program, without {lost}"
+                raise refused_checkpoint(path, found) from lost
         self.watch: EventWatch | None = None
         if scene.output.events and a.contact is not None:
             from anmstrip.results.events import EventWatch
