@@ -1456,8 +1456,9 @@ def turning_pull(preview: Preview) -> Iterator[str]:
             force = typed_vector((pull if name == "exit" else -pull, 0.0, 0.0))
             yield (
                 f"the tension of the {name} in stage {plan.name} turns with the strip there, which "
-                f"loads bend: rollers bear its part across besides. Give {name}.force = {force}, "
-                f"which has a direction of its own, or try --set 'edges.{name}.fixed={held}'"
+                "loads bend: rollers bear its part across besides. Instead of it give "
+                f"{name}.force = {force}, which has a direction of its own, or try "
+                f"--set 'edges.{name}.fixed={held}'"
             )
 
 

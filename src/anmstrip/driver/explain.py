@@ -510,14 +510,18 @@ def report(run: Run, told: Collection[str] = ()) -> str:
 
 
 def holding_ends(scene: SceneSpec, state: State) -> Iterator[str]:
-    """Yield which ends hold fed strip at rest, and what lets it run with its rollers."""
-    held = {
-        stage.name: ends for stage, ends in held_along(scene.threading, scene.edges, scene.stages)
-    }
-    turning = [s.name for s in scene.stages if any(c.surface_speed for c in s.rollers.values())]
-    if state.strip_speed == 0.0 and turning and (ends := held.get(state.plan.name)):
-        release = " and ".join(f"stages.{turning[0]}.{name}.release=true" for name in sorted(ends))
-        yield f"Its {' and '.join(sorted(ends))} holds it. To let it run, try --set {release}"
+    """Yield which end holds fed strip at rest, and what lets it run with its rollers."""
+    stages = held_along(scene.threading, scene.edges, scene.stages)
+    held = {stage.name: ends for stage, ends in stages}.get(state.plan.name, set())
+    turning = [
+        stage.name
+        for stage in scene.stages
+        if any(c.surface_speed or c.angular_speed for c in stage.rollers.values())
+    ]
+    if state.strip_speed == 0.0 and turning and len(held) == 1:
+        (end,) = held
+        key = f"stages.{turning[0]}.{end}.release"
+        yield f"Its {end} holds it. To let it run, try --set {key}=true"
 
 
 def runaway_slips(state: State) -> Iterator[str]:

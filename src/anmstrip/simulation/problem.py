@@ -898,10 +898,8 @@ def own_law(
     try:
         made = law(**{k: v for k, v in given.items() if k in known}, **parameters)
     except (TypeError, ValueError) as error:
-        expected, typed = (
-            f"the arguments of {name}{signature(law)} ({words_of(error)})",
-            dict(parameters),
-        )
+        expected = f"the arguments of {name}{signature(law)} ({words_of(error)})"
+        typed = dict(parameters)
         hint = "parameters = { … }"
         raise scene.refused(f"{table}.parameters", typed, expected, hint) from error
     if wrong := wrong_law(made):
