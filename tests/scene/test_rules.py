@@ -611,6 +611,9 @@ def test_what_rollers_have_in_other_programs_is_explained(key: str) -> None:
         ("every = 1", "interval = 0.1", "output.interval", "times = "),
         ("poisson = ", "nu = ", "material.nu", "poisson = "),
         ("radius = 0.5", "diameter = 0.8", "rollers.r1.diameter", "radius = 0.4"),
+        ("radius = 0.5", "radius = 0.5\nmu = 0.2", "rollers.r1.mu", "friction = 0.2"),
+        ("young = ", "yield = 3e8\nyoung = ", "material.yield", "yield_stress = 3e+08"),
+        ("width = ", "self_weight = true\nwidth = ", "strip.self_weight", "[[stages]] gravity = "),
     ],
 )
 def test_a_key_of_another_name_is_one_mistake(old: str, new: str, key: str, hint: str) -> None:

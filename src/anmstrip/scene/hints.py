@@ -32,16 +32,18 @@ OTHER_NAMES = {
     "diameter": ("radius", 0.5),
     "e": ("young", 1.0),
     **dict.fromkeys(("youngs_modulus", "young_modulus", "elastic_modulus"), ("young", 1.0)),
-    **dict.fromkeys(("sigma_y", "sigma_yield"), ("yield_stress", 1.0)),
+    **dict.fromkeys(("sigma_y", "sigma_yield", "yield"), ("yield_stress", 1.0)),
     "nu": ("poisson", 1.0),
     "rho": ("density", 1.0),
     "alpha": ("expansion", 1.0),
-    "mu": ("coefficient", 1.0),
+    "mu": ("coefficient friction", 1.0),
+    "time": ("duration", 1.0),
+    "tol": ("tolerance", 1.0),
     "rpm": ("angular_speed", math.pi / 30.0),
     "speed": ("surface_speed", 1.0),
     **dict.fromkeys(("frequency", "interval"), ("every", 1.0)),
 }
-"""Names of other programs for a key of ours, and what its value is of theirs."""
+"""Names of other programs for keys of ours, and what their value is of theirs."""
 
 NO_CONTROLS = {
     "axis": "axis in [[rollers]], for the whole run: no stage turns it",
@@ -49,6 +51,15 @@ NO_CONTROLS = {
     "EDGE.tension = G/2b; or the roller's place, move",
 }
 """What a stage does not change of a roller, and what to type instead."""
+
+KEYS_OF_STAGES = {
+    **dict.fromkeys(
+        ("weight", "self_weight"),
+        "[[stages]] gravity = [0.0, 0.0, -9.81], with material.density",
+    ),
+    "line_speed": "[[stages]] strip.speed, of a steady one, or rollers.NAME.surface_speed",
+}
+"""Names of other programs for what a stage gives the strip, and what to type instead."""
 
 FOREIGN_KEYS = {
     "inertia": 'not modelled; an idler that gains the speed v in t seconds has drive = "torque" '
@@ -119,8 +130,9 @@ def key_like(key: str, value: object, known: Iterable[str]) -> str | None:
     >>> key_like("rpm", 60, ["angular_speed"]), key_like("nu", 0.3, ["young"])
     ('angular_speed = 6.28319', None)
     """
-    name, share = OTHER_NAMES.get(key.lower(), ("", 1.0))
-    if name not in known or not is_number(value):
+    names, share = OTHER_NAMES.get(key.lower(), ("", 1.0))
+    name = next((name for name in names.split() if name in known), None)
+    if name is None or not is_number(value):
         return None
     if name == "every" and not isinstance(value, int):
         return "times = [0.5, 1.0]; or every = 10, of the steps"

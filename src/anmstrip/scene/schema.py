@@ -28,6 +28,7 @@ from anmstrip.scene import tables as scene_tables
 from anmstrip.scene.checks import DRIVES, KEY_RULES, check_scene
 from anmstrip.scene.hints import (
     FOREIGN_KEYS,
+    KEYS_OF_STAGES,
     NO_CONTROLS,
     expected_number,
     key_like,
@@ -574,6 +575,8 @@ def mistakes_of(
                 hint = NO_CONTROLS[place.keys[-1]]
             elif place.keys[-1] in FOREIGN_KEYS and "radius" in known:
                 hint = FOREIGN_KEYS[place.keys[-1]]
+            elif place.keys[-1] in KEYS_OF_STAGES:
+                hint = KEYS_OF_STAGES[place.keys[-1]]
             elif others := " or ".join(keys_of(model, place.keys[-1])):
                 stages = [stage.name for stage in stages_as_typed(data.get("stages")) if stage.name]
                 of_stage = stages and key.startswith("rollers.") and "[[stages]] rollers." in others
