@@ -54,8 +54,7 @@ NO_CONTROLS = {
 
 KEYS_OF_STAGES = {
     **dict.fromkeys(
-        ("weight", "self_weight"),
-        "[[stages]] gravity = [0.0, 0.0, -9.81], with material.density",
+        ("weight", "self_weight"), "[[stages]] gravity = [0.0, 0.0, -9.81], with material.density"
     ),
     "line_speed": "[[stages]] strip.speed, of a steady one, or rollers.NAME.surface_speed",
 }
@@ -137,6 +136,18 @@ def key_like(key: str, value: object, known: Iterable[str]) -> str | None:
     if name == "every" and not isinstance(value, int):
         return "times = [0.5, 1.0]; or every = 10, of the steps"
     return f"{name} = {share * value:.6g}"
+
+
+def key_elsewhere(key: str, known: Iterable[str]) -> str | None:
+    """Return what to type instead of a key that a roller, its stages or the strip never have.
+
+    Examples
+    --------
+    >>> key_elsewhere("tilt", ["radius", "axis"])
+    'axis = [0.0, 1.0, 0.001], for an end at +y that is higher by 1 mrad'
+    """
+    tables = (NO_CONTROLS, "surface_speed"), (FOREIGN_KEYS, "radius"), (KEYS_OF_STAGES, None)
+    return next((t[key] for t, of in tables if key in t and (of is None or of in known)), None)
 
 
 def name_like(text: str) -> str:

@@ -27,10 +27,8 @@ from anmstrip.errors import InputError, Mistake, as_path, as_texts, nearest
 from anmstrip.scene import tables as scene_tables
 from anmstrip.scene.checks import DRIVES, KEY_RULES, check_scene
 from anmstrip.scene.hints import (
-    FOREIGN_KEYS,
-    KEYS_OF_STAGES,
-    NO_CONTROLS,
     expected_number,
+    key_elsewhere,
     key_like,
     likely_value,
     name_like,
@@ -569,14 +567,9 @@ def mistakes_of(
             known = list(place.table.model_fields) if place.table else []
             known = [*STAGE_KEYS, *EDGE_NAMES] if misspelt else known
             hint = nearest(place.keys[-1], known)
-            if typed := key_like(place.keys[-1], value, known):
+            wanted = place.keys[-1]
+            if typed := key_like(wanted, value, known) or key_elsewhere(wanted, known):
                 hint = typed
-            elif place.keys[-1] in NO_CONTROLS and "surface_speed" in known:
-                hint = NO_CONTROLS[place.keys[-1]]
-            elif place.keys[-1] in FOREIGN_KEYS and "radius" in known:
-                hint = FOREIGN_KEYS[place.keys[-1]]
-            elif place.keys[-1] in KEYS_OF_STAGES:
-                hint = KEYS_OF_STAGES[place.keys[-1]]
             elif others := " or ".join(keys_of(model, place.keys[-1])):
                 stages = [stage.name for stage in stages_as_typed(data.get("stages")) if stage.name]
                 of_stage = stages and key.startswith("rollers.") and "[[stages]] rollers." in others
