@@ -666,10 +666,11 @@ class Assembly:
         """The scene's contact law.
 
         Left open, it is graded: p₀ is the pressure of the taut strip on its rollers, or its
-        weight or the pressure on it if that is more, and the onset is the gap that a straight
-        strip has half a spacing of contact points beyond where it lifts off.  It is that at a
-        whole spacing where elements have several parts: the load of a roller then does not change
-        by 17 %, but by 1e-4, as points pass it, and a plate takes half as many tangents.  Where
+        weight or the pressure on it if that is more, which flat strip bears on lines along its
+        rollers; else it would sink by several onsets there.  The onset is the gap that a straight
+        strip has half a spacing of contact points beyond where it lifts off.  It is that at a whole
+        spacing where elements have several parts: the load of a roller then does not change by
+        17 %, but by 1e-4, as points pass it, and a plate takes half as many tangents.  Where
         only weight or pressure presses, q, the strip floats w log(p₀/q) high, which must be a
         small share of its thickness.  Where tension varies across, by rollers, heat or flatness, a
         gap stretches fibres by its share of the radius, which must not be seen beside T/(E t).  A
@@ -703,6 +704,10 @@ class Assembly:
         parts = 1 if nips else self.strip.contact_parts
         apart = 0.5 * element / parts  # two points to a part
         onset = (apart if parts > 1 else 0.5 * apart) ** 2 / (2.0 * radius)
+        if load and self.thread is None and c.pressure is None:
+            below = sum(roller.centre[2] < 0.0 for roller in self.rollers)
+            line = load * self.strip.length / max(below, len(self.rollers) - below)
+            pressure = max(pressure, line / float(np.sqrt(2.0 * np.pi * radius * onset)))
         if load:
             onsets = max(1.0, float(np.log(pressure / load)))
             onset = min(onset, FLOATING_SHARE * thickness / onsets)
