@@ -371,6 +371,32 @@ def tension_of_moves(scene: SceneSpec) -> float:
     return scene.strip.thickness * min(stretched, flow_stress(scene) or np.inf)
 
 
+def load_of_moves(scene: SceneSpec) -> float:
+    """Return the largest load (N/m) of a roller that bends flat strip between two others.
+
+    As of a beam on two supports, 3 D δ (a + b)/a²b², for a roller that comes by δ beyond the line
+    between the nearest ones on the other side of the strip, at the distances a and b from it.
+    """
+    rollers, moves, largest = scene.rollers, dict[int, Array](), 0.0
+    sides = np.array([np.copysign(1.0, -roller.centre[2]) for roller in rollers])  # 1: below
+    radii = np.array([roller.radius for roller in rollers])
+    for stage in scene.stages:
+        given = {k: stage.rollers.get(roller.name) for k, roller in enumerate(rollers)}
+        moves |= {k: np.array(c.move) for k, c in given.items() if c and c.move is not None}
+        x, _, z = np.array([r.centre + moves.get(k, np.zeros(3)) for k, r in enumerate(rollers)]).T
+        edges = z + sides * radii
+        for k, side in enumerate(sides):
+            before, after = ((sides == -side) & way for way in (x < x[k], x > x[k]))
+            if not (before.any() and after.any()):
+                continue
+            i, j = x[before].argmax(), x[after].argmin()
+            a, b = x[k] - x[before][i], x[after][j] - x[k]
+            line = (b * edges[before][i] + a * edges[after][j]) / (a + b)
+            beyond = side * (edges[k] - line)
+            largest = max(largest, 3.0 * beyond * (a + b) / (a * b) ** 2)
+    return bending_stiffness(scene) * float(largest)
+
+
 def carried(stage: StageSpec, name: str, place: Array, velocity: Array) -> tuple[Array, Array]:
     """Return where an end has been moved to (m) at the end of a stage, and its velocity there."""
     edge = stage.edges.get(name)
