@@ -90,7 +90,7 @@ def test_what_moves_is_told_by_the_keys_that_were_typed() -> None:
     for tables in (line, flat):
         table = stage_table(Preview.of(Assembly(Scene.model_validate(tables))))
         rows = zip(*(column.cells for column in table.columns), strict=True)
-        found = {name: what.split(",\n") for name, *_, what in rows}
+        found = {name: what.split("\n") for name, *_, what in rows}
         for name in found.keys() & expected.keys():
             assert sorted(found[name]) == sorted(expected[name]), name
 
@@ -255,6 +255,10 @@ def test_threaded_bridle_shows_its_wraps() -> None:
     name, found = judged(bridle())
     assert name == "section"
     assert any("[threading]" in reason for reason in found["plate"].against)
+    ends = {end: {"fixed": ["x", "z"]} for end in ("entry", "exit")}
+    held = bridle() | {"edges": ends}
+    _, found = judged(held)  # its slopes are those of the path, and no sag pulls it
+    assert not any("sags" in reason for reason in found["plate"].against)
 
 
 def test_mesh_warning_of_a_threaded_strip_is_about_its_arcs() -> None:

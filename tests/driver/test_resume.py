@@ -355,3 +355,18 @@ def test_a_run_that_had_ended_keeps_its_solver_when_it_is_resumed(tmp_path: Path
         summary = json.loads((tmp_path / "results" / "summary.json").read_text(encoding="utf-8"))
         names.append(summary["linear_solver"])
     assert names[0] == names[1] != "none yet"
+
+
+def test_pictures_of_an_earlier_run_do_not_stay_beside_the_results_of_another(
+    tmp_path: Path,
+) -> None:
+    """They showed another strip than the tables; what is not written by the program stays."""
+    stale = [f"picture{rest}" for rest in (".png", "_side.png", "_side.svg", "_side.pdf")]
+    for name in [*stale, "movie.gif", "report.html", "notes.txt"]:
+        (tmp_path / name).write_text("earlier", encoding="utf-8")
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE, encoding="utf-8")
+    next(iter(Scene.load(path).run(tmp_path)))
+    left = {name.name for name in tmp_path.iterdir()}
+    assert {"notes.txt", "scene.toml"} <= left
+    assert not left & {*stale, "movie.gif", "report.html"}

@@ -622,6 +622,16 @@ def test_a_key_of_another_name_is_one_mistake(old: str, new: str, key: str, hint
     assert (mistake.key, mistake.hint[: len(hint)]) == (key, hint)
 
 
+def test_a_name_that_is_too_long_is_told_to_be_so() -> None:
+    """Its letters were found fault with."""
+    name = "a-long_name" * 9
+    with pytest.raises(InputError) as found:
+        Scene.from_tables(tomllib.loads(GOOD.replace('"r1"', f'"{name}"')), "line.toml")
+    (mistake,) = [each for each in found.value.mistakes if each.key.endswith(".name")]
+    assert "at most 64 letters" in mistake.expected
+    assert mistake.hint == f'name = "{name[:64]}"'
+
+
 @pytest.mark.parametrize(
     ("typed", "hint"),
     [
