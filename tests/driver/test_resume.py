@@ -7,6 +7,7 @@ import json
 import os
 import shlex
 import shutil
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -262,7 +263,7 @@ def test_two_runs_into_one_directory(begun: tuple[Path, Path], tmp_path: Path) -
     steps = iter(first)
     next(steps)
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
-    with pytest.raises(InputError, match="in use by process"):
+    with pytest.raises(InputError, match=r"run\.interrupted\(\) of the run in this Python"):
         Scene.load(scene).run(tmp_path)
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
     assert list(steps)
@@ -370,3 +371,18 @@ def test_pictures_of_an_earlier_run_do_not_stay_beside_the_results_of_another(
     left = {name.name for name in tmp_path.iterdir()}
     assert {"notes.txt", "scene.toml"} <= left
     assert not left & {*stale, "movie.gif", "report.html"}
+
+
+def test_a_loop_that_was_left_goes_on_in_the_same_python(tmp_path: Path) -> None:
+    """By what is told; the next run was told to take another directory."""
+    scene = Scene.from_tables(tomllib.loads(SCENE), "line.toml")
+    whole, first = scene.run(), scene.run(tmp_path)
+    *_, last = whole
+    for _ in first:
+        break
+    first.interrupted()
+    second = scene.run(tmp_path, resume=True)
+    *_, step = second
+    assert second.outcome.done
+    assert step.step == last.step
+    np.testing.assert_array_equal(step.state.full, last.state.full)

@@ -167,6 +167,8 @@ WRONG = [  # what is replaced, by what, key that is named, words that must be th
      "centre = [0, 0, -1.511], or smaller radii"),
     ("[edges.entry]", f"{SECOND.replace('0.5', '500')}centre = [0, 0, -1.6]\n[edges.entry]",
      "rollers.r2.radius", "was it meant in mm?"),
+    ("[edges.entry]", f"{SECOND.replace('0.5', '5e5')}centre = [0, 0, -1.6]\n[edges.entry]",
+     "rollers.r2.radius", "radius = 0.5"),
     ("[edges.entry]", f"{SECOND}centre = [0, 9, -0.501]\n[edges.entry]", "rollers.r2.centre",
      "centre = [0, 9, 0.509]"),
 ]  # fmt: skip
