@@ -356,9 +356,10 @@ def new_command(kind: str, target: Path | None) -> None:
     """
     from importlib.resources import files
 
-    from anmstrip.errors import InputError, Mistake
+    from anmstrip.errors import InputError, Mistake, require_parent
 
     target = target or Path(f"{kind}.toml")
+    require_parent("-o", target)
     if target.exists():
         expected, hint = "a file that is not there yet", "-o with another name"
         raise InputError([Mistake("-o", "", str(target), expected, hint)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import reprlib
+import shlex
 from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -101,6 +102,15 @@ def as_path(name: str, given: object) -> Path:
     if not isinstance(given, str | PathLike):
         raise TypeError(f"expected a path, as a text or a Path; given {name}={given!r}")
     return Path(given)
+
+
+def require_parent(option: str, path: Path) -> None:
+    """Refuse a file to be written into a directory that is not there."""
+    if not path.parent.is_dir():
+        expected = f"a file in a directory that exists; {path.parent} does not"
+        here, parent = shlex.quote(path.name), shlex.quote(str(path.parent))
+        hint = f"{option} {here}, or mkdir -p {parent} before"
+        raise InputError([Mistake(option, "", str(path), expected, hint)])
 
 
 def as_texts(name: str, given: object) -> list[str]:

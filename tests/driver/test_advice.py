@@ -770,6 +770,7 @@ ELSEWHERE = {
     "shorter_move": "meeting_rollers, roller_over_an_end",
     "refuse_both": "test_sweep.py",
     "variants": "test_sweep.py",
+    "unknown_name": "of a response, in test_reported_response.py",
 }
 """Functions that propose something and have another name or place."""
 

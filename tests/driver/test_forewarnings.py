@@ -345,6 +345,7 @@ WRONG: list[tuple[list[tuple[str, Any]], str, str]] = [
         "'stages.run.strip.flatness.table=[[-0.5, 10], [0.5, 0]]'",
     ),
     ([("stages.1.rollers.a.surface_speed", 120.0)], "in m/min", "a.surface_speed=2"),
+    ([("stages.1.rollers.a.surface_speed", 8000.0)], "in mm/s", "a.surface_speed=8"),
     (
         [("stages.1.rollers.b.move", [0.0, 0.0, 0.5])],
         "stage run moves a and b 0.1 m into one another",
@@ -438,6 +439,10 @@ WRONG: list[tuple[list[tuple[str, Any]], str, str]] = [
         "friction.coefficient = 0.2 acts as 0.283 at a slip of 1e-05 m/s", "speed=1e-05",
     ),
     ([("friction.speed", 0.1)], "far above the speed at which the strip slips", "speed=1e-05"),
+    (  # strip passes the held end of a steady stage, and slips by its creep
+        [("stages.1.steady", True), ("stages.1.entry", {"tension": 1e4}), ("friction.speed", 2.0)],
+        "far above the speed at which the strip slips", "speed=1e-05",
+    ),
 ]  # fmt: skip
 """What is changed in the bridle, words of what is told of it, and of what is typed."""
 

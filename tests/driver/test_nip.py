@@ -121,6 +121,30 @@ def test_the_force_on_a_drum_is_told_for_straight_strip(tension: float, share: f
     assert on_drum - force == pytest.approx(2.0 * tension * np.sin(0.5 * turn), rel=0.02)
 
 
+def test_strip_that_a_roller_presses_on_a_drum_touches_it_all_along() -> None:
+    """The nip was the whole contact, of 8° of 21.9°, and the tension behind it 2930 N/m.
+
+    Torques tell the tension behind: 2000 N/m and ΣM/(r b), as the idler's span has it.
+    """
+    tables = copy.deepcopy(PINCH)
+    tables["threading"] = {"tension": 3000.0, "entry": [-1.0, 0.0, 0.0], "exit": [1.5, 0.0, -0.5]}
+    tables["strip"]["thickness"], tables["material"]["young"] = 3e-4, 7e10
+    drum, top = tables["rollers"]
+    drum["centre"], top["centre"] = [0.0, 0.0, -0.15], [0.0, 0.0, 0.15029]
+    speeds = {name: {"surface_speed": 1.5} for name in ("bottom", "top")}
+    tables["stages"] = [
+        {"name": "run", "steady": True, "entry": {"tension": 2000.0}, "rollers": speeds}
+    ]
+    run = ended(Scene.from_tables(tables, "drum.toml"))
+    assert run.outcome.done and run.state is not None and run.assembly.thread is not None
+    bottom, roller = run.state.rollers.values()
+    behind = TENSION - (bottom.torque + roller.torque) / RADIUS
+    assert behind == pytest.approx(3000.0, rel=1e-3)
+    assert roller.normal_force > 2.0 * (bottom.normal_force - roller.normal_force)
+    assert bottom.tension_out == pytest.approx(behind, rel=1e-3)
+    assert bottom.wrap == pytest.approx(run.assembly.thread.turns["bottom"], rel=0.25)
+
+
 def test_weight_lays_a_plate_on_the_lower_roller_of_a_nip() -> None:
     """It was told to be pressed as without weight, with 130 times as much."""
     tables = copy.deepcopy(PLATE)

@@ -7,6 +7,7 @@ import json
 import os
 import shlex
 import shutil
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -262,7 +263,7 @@ def test_two_runs_into_one_directory(begun: tuple[Path, Path], tmp_path: Path) -
     steps = iter(first)
     next(steps)
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
-    with pytest.raises(InputError, match="in use by process"):
+    with pytest.raises(InputError, match=r"run\.interrupted\(\) of the run in this Python"):
         Scene.load(scene).run(tmp_path)
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
     assert list(steps)
@@ -355,3 +356,33 @@ def test_a_run_that_had_ended_keeps_its_solver_when_it_is_resumed(tmp_path: Path
         summary = json.loads((tmp_path / "results" / "summary.json").read_text(encoding="utf-8"))
         names.append(summary["linear_solver"])
     assert names[0] == names[1] != "none yet"
+
+
+def test_pictures_of_an_earlier_run_do_not_stay_beside_the_results_of_another(
+    tmp_path: Path,
+) -> None:
+    """They showed another strip than the tables; what is not written by the program stays."""
+    stale = [f"picture{rest}" for rest in (".png", "_side.png", "_side.svg", "_side.pdf")]
+    for name in [*stale, "movie.gif", "report.html", "notes.txt"]:
+        (tmp_path / name).write_text("earlier", encoding="utf-8")
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE, encoding="utf-8")
+    next(iter(Scene.load(path).run(tmp_path)))
+    left = {name.name for name in tmp_path.iterdir()}
+    assert {"notes.txt", "scene.toml"} <= left
+    assert not left & {*stale, "movie.gif", "report.html"}
+
+
+def test_a_loop_that_was_left_goes_on_in_the_same_python(tmp_path: Path) -> None:
+    """By what is told; the next run was told to take another directory."""
+    scene = Scene.from_tables(tomllib.loads(SCENE), "line.toml")
+    whole, first = scene.run(), scene.run(tmp_path)
+    *_, last = whole
+    for _ in first:
+        break
+    first.interrupted()
+    second = scene.run(tmp_path, resume=True)
+    *_, step = second
+    assert second.outcome.done
+    assert step.step == last.step
+    np.testing.assert_array_equal(step.state.full, last.state.full)

@@ -120,3 +120,18 @@ def test_responses_of_a_line_that_runs_backwards_and_of_one_at_rest(tmp_path: Pa
     scene = Scene.from_tables(SNUBBED | {"stages": [rest]}, "rest.toml")
     with pytest.raises(InputError, match="a strip that runs at its end"):
         respond(scene, "a_torque", "exit.tension", tmp_path)
+
+
+def test_unknown_names_are_told_together_and_those_of_shells_as_such(tmp_path: Path) -> None:
+    """Of a section a roller's yaw was taken for a misspelled speed, and the reading not looked at.
+
+    The advice makes it a shell, which has both.
+    """
+    scene = Scene.model_validate(SPAN)
+    for of, to, words in [("a_tensoin_in", "rollers.a.speed", "nearest known"),
+                          ("offset", "rollers.a.yaw", "strip.kinematics=\"shell\"")]:  # fmt: skip
+        with pytest.raises(InputError) as refused:
+            respond(scene, of, to, tmp_path)
+        mistakes = refused.value.mistakes
+        assert [mistake.file for mistake in mistakes] == [f"--to {to}", f"--of {of}"]
+        assert all(words in mistake.hint for mistake in mistakes)

@@ -167,6 +167,8 @@ WRONG = [  # what is replaced, by what, key that is named, words that must be th
      "centre = [0, 0, -1.511], or smaller radii"),
     ("[edges.entry]", f"{SECOND.replace('0.5', '500')}centre = [0, 0, -1.6]\n[edges.entry]",
      "rollers.r2.radius", "was it meant in mm?"),
+    ("[edges.entry]", f"{SECOND.replace('0.5', '5e5')}centre = [0, 0, -1.6]\n[edges.entry]",
+     "rollers.r2.radius", "radius = 0.5"),
     ("[edges.entry]", f"{SECOND}centre = [0, 9, -0.501]\n[edges.entry]", "rollers.r2.centre",
      "centre = [0, 9, 0.509]"),
 ]  # fmt: skip
@@ -623,6 +625,16 @@ def test_a_key_of_another_name_is_one_mistake(old: str, new: str, key: str, hint
         Scene.from_tables(tomllib.loads(GOOD.replace(old, new, 1)), "line.toml")
     (mistake,) = found.value.mistakes
     assert (mistake.key, mistake.hint[: len(hint)]) == (key, hint)
+
+
+def test_a_name_that_is_too_long_is_told_to_be_so() -> None:
+    """Its letters were found fault with."""
+    name = "a-long_name" * 9
+    with pytest.raises(InputError) as found:
+        Scene.from_tables(tomllib.loads(GOOD.replace('"r1"', f'"{name}"')), "line.toml")
+    (mistake,) = [each for each in found.value.mistakes if each.key.endswith(".name")]
+    assert "at most 64 letters" in mistake.expected
+    assert mistake.hint == f'name = "{name[:64]}"'
 
 
 @pytest.mark.parametrize(

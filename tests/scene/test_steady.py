@@ -994,6 +994,36 @@ def test_a_plate_too_stiff_to_wrap_its_idlers_is_set_going() -> None:
         assert reading.tension_in == pytest.approx(5e4, rel=1e-3)
 
 
+def test_a_line_that_is_pulled_more_than_it_was_threaded_is_set_going() -> None:
+    """It sticks to its rollers as the pull of its stage stretches it, ten times that of threading.
+
+    By that of threading the start was ten V_c off on rollers that bear weight alone: it stalled.
+    """
+    speeds = []
+    for tension in (2.4e3, 2.4e4):
+        ends = {"entry": [-12.0, 0.0, 0.0], "exit": [12.0, 0.0, 0.0]}
+        weight = {"name": "weight", "friction": False, "gravity": [0.0, 0.0, -9.81]}
+        tables = {
+            "strip": {"kinematics": "section", "width": 1.2, "thickness": 3e-3},
+            "material": {"young": 2.06e11, "poisson": 0.3, "density": 7850.0},
+            "friction": {"coefficient": 0.1},
+            "threading": {"tension": tension, **ends},
+            "rollers": [
+                roller("a", -10.0, -0.4, 0.4, "over", drive="idle"),
+                roller("b", 10.0, -0.4, 0.4, "over"),
+            ],
+            "stages": [
+                {**weight, "exit": {"tension": 2.4e4}},
+                {"name": "run", "steady": True, "entry": {"tension": 2.4e4},
+                 "rollers": {"b": {"surface_speed": 1.5}}},
+            ],
+        }  # fmt: skip
+        run, state = ended(Scene.from_tables(tables, "line.toml"))
+        assert run.outcome.done, run.message
+        speeds.append(state.strip_speed)
+    assert speeds[0] == pytest.approx(speeds[1], rel=1e-7)
+
+
 @pytest.mark.parametrize(("torque", "holds"), [(300.0, True), (2000.0, False)])
 def test_no_stationary_state_has_a_speed_that_only_the_air_ends(torque: float, holds: bool) -> None:
     """Friction takes T r W (e^(fπ/2) − 1) = 738 N m of the torque; with 2000 it ran at 8e7 m/s."""

@@ -45,6 +45,14 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
     assert (tmp_path / "mine.toml").read_text() == "precious"
 
 
+def test_nothing_is_written_where_no_directory_is(tmp_path: Path) -> None:
+    """That ended as a run that stops early, without what to type."""
+    target = tmp_path / "no place" / "a b.toml"
+    done = CliRunner().invoke(main, ["new", "roller", "-o", str(target)])
+    assert done.exit_code == 2
+    assert f"-o 'a b.toml', or mkdir -p '{target.parent}' before" in done.output
+
+
 def ended(kind: str, directory: Path, *settings: str) -> State:
     written(kind, directory / "mine.toml")
     run = Scene.load(directory / "mine.toml", settings).run()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -108,6 +109,7 @@ def direct(monkeypatch: pytest.MonkeyPatch) -> None:
         ("solver.order=10:20:3", (10, 15, 20)),
         ("solver.order=10:20:4", (10.0, 13.3333333333, 16.6666666667, 20.0)),
         ("friction.speed=1e-3, 1e-2,1.0", (1e-3, 1e-2, 1.0)),
+        ("friction.speed=.1,-.5", (0.1, -0.5)),
         ('friction.law="tanh","norton-hoff"', ("tanh", "norton-hoff")),
         ("strip.cells=[16, 2],[32, 2]", ([16, 2], [32, 2])),
         ("strip.bending=true,false", (True, False)),
@@ -130,6 +132,14 @@ def test_values_that_are_none(text: str) -> None:
         parse_variation(text)
     (mistake,) = refused.value.mistakes
     assert mistake.file == f"--vary {text}"
+    parse_variation(shlex.split(mistake.hint.partition(", or ")[0])[1])  # can be typed
+
+
+def test_what_is_told_to_type_instead_is_of_the_same_key() -> None:
+    for text, hint in [("f=.1:.2", "f=.1:.2:9"), ("f=tanh, b-c", """'f="tanh","b-c"'""")]:
+        with pytest.raises(InputError) as refused:
+            parse_variation(text)
+        assert refused.value.mistakes[0].hint == f"--vary {hint}"
 
 
 def test_directories_are_names_of_files_and_differ() -> None:

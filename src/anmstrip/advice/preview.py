@@ -42,9 +42,6 @@ from anmstrip.timestepping.formulas import AffineVelocity
 REACHED_SAG = 1.0 / 16.0
 """Of a span: at least half of what strip sags by whose weight is as large as its tension."""
 
-STRING_SAMPLES = 4000
-"""Places of a string from which its distance to rollers is measured."""
-
 
 @dataclass(frozen=True)
 class Preview:
@@ -153,13 +150,14 @@ def string_estimate(course: Course) -> StringEstimate:
         angles = path.angles[0::2, 0]
         slopes = np.arctan2(np.sin(angles), np.cos(angles))
         middles = path.at(0.5 * (path.arcs.start[:, 0] + path.arcs.end[:, 0]), 0)[0].T
-        least = min(float(roller.radius) for roller in a.rollers)
+        arcs = zip(*(part[:, 0] for part in path.arcs), strict=True)
         # chords cut in by r/3200
-        looks = max(STRING_SAMPLES, int(20.0 * float(path.length[0]) / least))
+        looks = [np.linspace(start, end, int(20.0 * turn) + 2) for start, end, turn in arcs]
+        joints = np.unique(np.concatenate([path.starts[:, 0], *looks]))
         sides = ["over" if sense > 0.0 else "under" for _, sense in rollers]
         kept = path.arcs.turn[:, 0].tolist(), sides, middles - centres
         turns, sides_of, places = (dict(zip(names, values, strict=True)) for values in kept)
-        gaps = roller_gaps(course, path.at(np.linspace(0.0, float(path.length[0]), looks), 0)[0])
+        gaps = roller_gaps(course, path.at(joints, 0)[0])
         slope = float(np.abs(slopes).max()) + sag(float(np.diff(path.starts[:, 0])[::2].max()))
         span = carried_span(course, path, {n: gap for n, gap in gaps.items() if n not in turns})
         return StringEstimate(turns, sides_of, slope, places, path, gaps, span)

@@ -315,7 +315,9 @@ def doubtful_speeds(scene: SceneSpec) -> Iterator[Doubt]:
             speeds[f"{key}.rollers.{name}.surface_speed"] = roller.surface_speed
         for each, speed in speeds.items():
             if speed is not None and abs(speed) > LARGEST_IN_LINES["m/s"]:
-                yield doubt(each, speed, "m/s", "m/min", speed / 60.0)
+                meant = {"m/min": speed / 60.0, "mm/s": 1e-3 * speed}
+                unit = "m/min" if abs(meant["m/min"]) <= LARGEST_IN_LINES["m/s"] else "mm/s"
+                yield doubt(each, speed, "m/s", unit, meant[unit])
 
 
 def doubtful_tensions(scene: SceneSpec) -> Iterator[Doubt]:

@@ -785,14 +785,15 @@ def finer_mesh(scene: SceneSpec, length: float, digits: int = 3) -> str:
 def slip_speed(preview: Preview) -> float:
     """Return the speed (m/s) at which the strip slips on rollers that are driven or stand.
 
-    That is their own less that of an edge which is held in x throughout, else the elastic creep;
-    infinite if nothing moves.
+    That is their own less that of an edge which is held in x throughout, or in steady stages, whose
+    edges strip passes, less ``strip.speed``; else the elastic creep; infinite if nothing moves.
     """
     scene, rollers = preview.assembly.scene, preview.assembly.rollers
     released = {n for stage in scene.stages for n, edge in stage.edges.items() if edge.release}
     held = [n for n, edge in scene.edges.items() if "x" in edge.fixed and n not in released]
     idle = {spec.name for spec in scene.rollers if spec.drive != "speed"}
-    turning, moving, slip, moves = dict[str, float](), dict[str, float](), 0.0, False
+    turning, moving, passing = dict[str, float](), dict[str, float](), list[float]()
+    slip, moves = 0.0, False
     for stage in scene.stages:
         for roller in rollers:
             if (given := surface_speed(stage.rollers.get(roller.name), roller)) is not None:
@@ -800,7 +801,11 @@ def slip_speed(preview: Preview) -> float:
         moving |= {n: e.signed_speed for n, e in stage.edges.items() if e.signed_speed is not None}
         moves = moves or any(turning.values()) or any(moving.values())
         speeds = [turning.get(r.name, 0.0) for r in rollers if r.name not in idle]
-        slip = max([slip, *(abs(v - moving.get(name, 0.0)) for v in speeds for name in held)])
+        if "entry" in stage.edges and stage.edges["entry"].tension is not None:
+            passing = []
+        passing = passing if stage.strip.speed is None else [stage.strip.speed]
+        strip = passing if stage.steady else [moving.get(name, 0.0) for name in held]
+        slip = max([slip, *(abs(v - passes) for v in speeds for passes in strip)])
     return slip or (elastic_creep(scene) if moves and scene.friction is not None else np.inf)
 
 
@@ -1090,7 +1095,8 @@ def against_plate(preview: Preview) -> Iterator[str]:
         )
     stretches = scene.material.young * scene.strip.thickness * steep.slope**2 / 6.0
     held = preview.tension + 12.0 * bending_stiffness(scene) / preview.assembly.strip.length**2
-    if len(held_ends(scene)) == len(ENDS) and stretches > SMALL_STRETCH * held:
+    flat = scene.threading is None
+    if flat and len(held_ends(scene)) == len(ENDS) and stretches > SMALL_STRETCH * held:
         yield f"as it sags between held ends, {stretches:.3g} N/m come to pull it"
     if scene.strip.mesh is not None and not fills_rectangle(preview.assembly.strip):
         yield "the outline of its mesh is no rectangle, so that tension varies along"

@@ -16,7 +16,7 @@ from anmstrip.advice.preview import Preview
 from anmstrip.advice.units import MIN_FLATNESS
 from anmstrip.advice.warnings import Level, justified_level, levels, slides, warnings
 from anmstrip.equilibrium import StageProblem
-from anmstrip.errors import InputError, Mistake, printable
+from anmstrip.errors import InputError, Mistake, printable, require_parent
 from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
 from anmstrip.results.files import error_rows
 from anmstrip.scene.checks import held_along, moved_ends
@@ -360,12 +360,9 @@ def draw_line(scene: SceneSpec, picture: Path) -> None:
 
     if picture.suffix.lower() not in SUFFIXES:
         expected = f"the name of a file that ends in {', '.join(SUFFIXES)}"
-        hint = f"--picture {picture.with_suffix('.png')}"
+        hint = f"--picture {shlex.quote(str(picture.with_suffix('.png')))}"
         raise InputError([Mistake("--picture", "", str(picture), expected, hint)])
-    if not picture.parent.is_dir():
-        expected = f"a file in a directory that exists; {picture.parent} does not"
-        hint = f"--picture {picture.name}, or mkdir -p {shlex.quote(str(picture.parent))} before"
-        raise InputError([Mistake("--picture", "", str(picture), expected, hint)])
+    require_parent("--picture", picture)
     preview = Preview.of(Assembly(scene))
     assembly, thread = preview.assembly, preview.assembly.thread
     path, turns = preview.strings[-1].path, preview.strings[-1].turns
@@ -412,7 +409,7 @@ def stage_table(preview: Preview) -> Table:
         turning = dict.fromkeys(typed.get(key, key) for key, v in speeds.items() if np.any(v))
         shown |= {f"{key}, as before": None for key in turning if key not in shown}
         times = (f"{time:g}" for time in (plan.start, plan.start + plan.duration))
-        free, what = str(len(plan.supports.free)), ",\n".join(shown) or "nothing"
+        free, what = str(len(plan.supports.free)), "\n".join(shown) or "nothing"
         table.add_row(plan.name, *times, free, path_of(plan), what)
     return table
 

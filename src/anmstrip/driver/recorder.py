@@ -47,7 +47,10 @@ DEFAULT_STATES = 100
 """States of a run that are written by default: the first one in each of so many equal parts of its
 time, and the ends of the stages."""
 
-STALE_FILES = ("checkpoint.npz", "summary.json", "report.html")
+STALE_FILES = (
+    "checkpoint.npz", "summary.json", "report.html", "movie.gif",
+    "picture.png", "picture_side.png", "picture_side.svg", "picture_side.pdf",
+)  # fmt: skip
 """Files of an earlier run in the same directory that no longer belong to anything."""
 
 STEP_COLUMNS = ("stage", "time", "step", "tangents", "order", "range", "residual")

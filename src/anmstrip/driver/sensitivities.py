@@ -16,7 +16,6 @@ from scipy.sparse import csc_matrix, csr_matrix, vstack
 from scipy.sparse.linalg import splu
 
 from anmstrip.arrays import Array
-from anmstrip.errors import InputError, Mistake, nearest
 from anmstrip.fem.sampling import quadrature_points
 from anmstrip.linalg.direct import Factors, equilibrate
 from anmstrip.linalg.solvers import Bordered, SparseSolver
@@ -635,26 +634,8 @@ def response(state: State, own: Sequence[bool], key: str, omegas: Array) -> dict
     -------
     dict
         Reading → amplitudes for an amplitude of one of the parameter, shape (n,).
-
-    Raises
-    ------
-    InputError
-        The state depends on no such parameter.
     """
     tangent = StationaryTangent(state)
-    found = dict(Partials(tangent, tuple(own)))
-    if key not in found:
-        raise unknown_name("--to", key, "what the stationary state depends on", found)
-    oscillation = Oscillation(tangent, key, found[key])
+    oscillation = Oscillation(tangent, key, dict(Partials(tangent, tuple(own)))[key])
     rows = [oscillation.at(float(omega)) for omega in omegas]
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
-
-
-def unknown_name(option: str, key: str, expected: str, known: Iterable[str]) -> InputError:
-    """Return the error of a name that is not among the known ones, best of the same edge or table.
-
-    The pull of an exit is ``exit.force`` or ``exit.tension``, as its stage gives it.
-    """
-    known = list(known)
-    same = [name for name in known if name.partition(".")[0] == key.partition(".")[0]]
-    return InputError([Mistake(f"{option} {key}", key, key, expected, nearest(key, same or known))])

@@ -19,9 +19,9 @@ from anmstrip.advice.warnings import slides
 from anmstrip.arrays import Array
 from anmstrip.continuation.path import Branch, Outcome, PathStopped
 from anmstrip.driver.run import Run, spins_away
-from anmstrip.driver.sensitivities import response, unknown_name
+from anmstrip.driver.sensitivities import response, sensitivities
 from anmstrip.equilibrium import StageProblem
-from anmstrip.errors import InputError, Mistake, as_path, as_texts
+from anmstrip.errors import InputError, Mistake, as_path, as_texts, nearest
 from anmstrip.results.files import make_directory, write_summary, write_table
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec, StageSpec
@@ -46,6 +46,9 @@ def require_steady_end(scene: SceneSpec, why: str) -> None:
         key, expected = f"stages.{last.name}.steady", f"true in the last stage: {why}"
         raise scene.refused(key, False, expected, "steady = true")
 
+
+SWEPT = 5
+"""Scenes of the sweep that is proposed instead of a map."""
 
 NO_NUMBERS = ("a known key", "three numbers", "true or false")
 """What is expected of keys that a map cannot follow."""
@@ -75,14 +78,18 @@ class Along:
         """
         key, _, given = (part.strip() for part in text.partition("="))
         try:
-            first, last, *count = given.split(":")
-            low, high = float(first), float(last)
+            low = high = math.nan
+            first, *others = given.split(":")
+            low = float(first)
+            last, *count = others
+            high = float(last)
             (number,) = map(int, count or [str(number)])
         except ValueError:
-            low = high = math.nan
+            high = math.nan
         if not (key and math.isfinite(high - low) and low != high and 2 <= number <= 100_000):
             expected = "KEY=first:last, or KEY=first:last:number, with two different numbers"
-            raise wrong_control(text, key, expected, given or None)
+            hint = f"--along {key}={low:g}:{1.1 * low or 1.0:g}" if math.isfinite(low) else ""
+            raise wrong_control(text, key, expected, given or None, hint)
         return cls(text, key, np.linspace(low, high, number))
 
     def stage(self, scene: SceneSpec, value: float) -> StageSpec:
@@ -128,13 +135,17 @@ class Along:
             with suppress(InputError):
                 one = f"{self.key}={float(self.values[0])!r}"
                 SceneSpec.from_tables(scene.to_dict(), file, [one])
-                hint = shlex.join(["anmstrip", "sweep", str(file), "--vary", self.text])
+                number = "" if given.count(":") > 1 else f":{SWEPT}"
+                vary = f"{self.key}={given}{number}"
+                hint = shlex.join(["anmstrip", "sweep", str(file), "--vary", vary])
         return Mistake(f"--along {self.text}", self.key, given, expected, hint)
 
 
-def wrong_control(text: str, key: str, expected: str, value: object = None) -> InputError:
+def wrong_control(
+    text: str, key: str, expected: str, value: object = None, hint: str = ""
+) -> InputError:
     """Return the error of an option ``--along`` that is not as expected."""
-    hint = "--along strip.speed=0.99:1.01"
+    hint = hint or "--along strip.speed=0.99:1.01"
     return InputError([Mistake(f"--along {text}", key, value, expected, hint)])
 
 
@@ -541,10 +552,18 @@ def respond(scene: SceneSpec, of: str, to: str, directory: Path) -> str:
     unit = abs(state.strip_speed) / run.assembly.strip.length
     omega = unit * np.logspace(*DEFAULT_DECADES, DEFAULT_FREQUENCIES)
     key = next((k for k in state.controls if scene.as_typed(k) == to), to)
-    found = response(state, [r.friction is not None for r in scene.rollers], key, omega)
-    name = of if of in found else f"{to.removeprefix('rollers.').partition('.')[0]}_{of}"
-    if name not in found:
-        raise unknown_name("--of", of, "what is read off a stationary state", found)
+    own = [r.friction is not None for r in scene.rollers]
+    known = sensitivities(state, own)
+    readings = next(iter(known.values()))
+    name = of if of in readings else f"{to.removeprefix('rollers.').partition('.')[0]}_{of}"
+    mistakes = []
+    if key not in known:
+        mistakes.append(unknown_name(scene, "--to", to, known, DEPENDS_ON))
+    if name not in readings:
+        mistakes.append(unknown_name(scene, "--of", of, readings, READ_OFF))
+    if mistakes:
+        raise InputError(mistakes)
+    found = response(state, own, key, omega)
     gain, phase = np.abs(found[name]), np.degrees(np.unwrap(np.angle(found[name])))
     columns = "omega", "gain", "phase"
     rows = (dict(zip(columns, row, strict=True)) for row in zip(omega, gain, phase, strict=True))
@@ -555,3 +574,24 @@ def respond(scene: SceneSpec, of: str, to: str, directory: Path) -> str:
         f"Done: {name} answers to {to} with {gain[0]:.6g} at {omega[0]:.3g} rad/s and with "
         f"{gain[-1]:.6g} at {omega[-1]:.3g} rad/s."
     )
+
+
+DEPENDS_ON, READ_OFF = "what the stationary state depends on", "what is read off a stationary state"
+"""What ``--to`` and ``--of`` name."""
+
+OF_SHELLS = ("yaw", "crown", "offset", "least_membrane_force")
+"""Last words of what only a shell depends on, or has."""
+
+
+def unknown_name(
+    scene: SceneSpec, option: str, typed: str, known: Iterable[str], expected: str
+) -> Mistake:
+    """Return the mistake of a name that is not known, best with a known one of the same table.
+
+    The pull of an exit is ``exit.force`` or ``exit.tension``, as its stage gives it.
+    """
+    same = [name for name in known if name.partition(".")[0] == typed.partition(".")[0]]
+    hint = nearest(typed, same or known)
+    if scene.strip.kinematics != "shell" and typed.endswith(OF_SHELLS):
+        expected, hint = f"{expected}, of a shell", "--set 'strip.kinematics=\"shell\"'"
+    return Mistake(f"{option} {typed}", "", typed, expected, hint)

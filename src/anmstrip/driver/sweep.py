@@ -7,6 +7,7 @@ import json
 import logging
 import math
 import re
+import shlex
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -34,6 +35,9 @@ MAX_SCENES = 100_000
 
 RANGE_PATTERN = re.compile(r"([^:\[\]\"',]+):([^:]+):([^:]+)")
 
+LEADING_POINT = re.compile(r"(?:^|(?<=[,\[\s+-]))(?=\.\d)")
+"""Where a number begins with its point, before which TOML wants a zero."""
+
 
 def parse_variation(text: str) -> tuple[str, tuple[Any, ...]]:
     """Return the dotted key of ``KEY=a:b:n`` or ``KEY=v1,v2,v3`` and the values that it takes.
@@ -58,6 +62,7 @@ def parse_variation(text: str) -> tuple[str, tuple[Any, ...]]:
         if spaced := RANGE_PATTERN.fullmatch(given):
             values = spaced_values(*spaced.groups())
         elif "\n" not in given:
+            given = LEADING_POINT.sub(r"\g<0>0", given)
             (values,) = tomllib.loads(f"values = [{given}]").values()
         texts = {json.dumps(value) for value in values}
     except (ValueError, TypeError, RecursionError):
@@ -89,7 +94,13 @@ def spaced_values(first: str, last: str, number: str) -> list[float]:
 
 def variation_error(text: str, value: object, expected: str) -> InputError:
     """Return the error of an option ``--vary`` that is not as expected."""
+    key, _, given = (part.strip() for part in text.partition("="))
     hint = "--vary friction.coefficient=0.1:0.5:9, or --vary friction.exponent=0.05,0.1"
+    if re.fullmatch(r"[^:,]+:[^:,]+", given):
+        hint = f"--vary {key}={given}:9"
+    elif re.fullmatch(r"[A-Za-z][\w-]*(\s*,\s*[A-Za-z][\w-]*)*", given):
+        quoted = ",".join(f'"{word.strip()}"' for word in given.split(","))
+        hint = f"--vary {shlex.quote(f'{key}={quoted}')}"
     return InputError([Mistake(f"--vary {text}", "", value, expected, hint)])
 
 

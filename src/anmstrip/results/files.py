@@ -147,6 +147,8 @@ class DirectoryLock:
                     os.close(self.file)
                     expected = "a directory to which no other run writes"
                     hint = "-o with another directory, or the same command when that run has ended"
+                    if f"process {os.getpid()} on {platform.node()}" in given:
+                        hint = "run.interrupted() of the run in this Python, or another directory"
                     raise InputError([Mistake(str(self.path.parent), "", given, expected, hint)])
                 if _is_file(self.path, self.file):  # no other run has ended just now
                     break

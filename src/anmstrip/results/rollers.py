@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from anmstrip.arrays import Array, Index
 
@@ -17,6 +18,10 @@ if TYPE_CHECKING:
 
 TOUCHING_SHARE = 0.1
 """Share of the mean pressure around it above which a point counts as in contact."""
+
+DRAWN_SHARE = 0.05
+"""Share of the force on a roller that tension presses, beside a nip, from which on strip is drawn
+round it."""
 
 MEAN_RANGE = 0.5
 """Distance from a point, in radii, up to which pressures count in this mean.  Friction lets the
@@ -69,8 +74,6 @@ class ContactState:
         Points of the elements.
     turning : ndarray, shape (3, points)
         Unit direction of a positive surface speed, ± a × n.
-    touching : ndarray of bool, shape (points,)
-        Points in contact.
     normal_force : float
         Sum of the normal forces (N).
     friction_forces : ndarray, shape (points,)
@@ -81,8 +84,8 @@ class ContactState:
         Moment of friction about the axis on the strip, in the sense of drag (N m).
     resultant : ndarray, shape (3,)
         Force of the roller on the strip (N).
-    max_slip : float
-        Largest slip speed in contact (m/s).
+    opposed : ndarray, shape (points,)
+        Pressure (Pa) of rollers that nip the strip with this one.
     """
 
     contact: Contact
@@ -99,31 +102,42 @@ class ContactState:
     lifting: float = 0.0  # pressure on the strip that takes it off the roller (Pa)
 
     def __post_init__(self) -> None:
+        self.opposed = np.zeros_like(self.pressure)
         operator = self.contact.operator
         self.roller, self.area = self.contact.roller.members[0], operator.weights
         self.width = operator.width
         self.cells = np.searchsorted(operator.chosen, operator.cells[self.elements])
         across = self.roller.sense * self.roller.cross_matrix @ self.normal
         self.turning = across / np.linalg.norm(across, axis=0)
-        self.touching = self.pressure > self.least
         self.normal_force = float((self.pressure * self.area).sum())
         self.friction_forces = (self.traction * self.turning).sum(axis=0) * self.area
         self.drag = float(self.friction_forces.sum())
         self.torque = float(self.friction_forces @ self.arm)
         self.resultant = ((self.pressure * self.normal + self.traction) * self.area).sum(axis=1)
+
+    @cached_property
+    def touching(self) -> NDArray[np.bool_]:
+        """Whether each point is in contact, shape (points,)."""
+        return np.asarray(self.pressure > self.least)
+
+    @cached_property
+    def max_slip(self) -> float:
+        """Largest slip speed in contact (m/s)."""
         speeds = np.linalg.norm(self.slip, axis=0)
-        self.max_slip = float(speeds[self.touching].max(initial=0.0))
+        return float(speeds[self.touching].max(initial=0.0))
 
     @cached_property
     def least(self) -> Array:
         """Pressure (Pa) above which each point is in contact, shape (points,).
 
-        What is faint, and a tenth of the mean pressure around the point, weighted by force.
+        What is faint, and a tenth of the mean pressure around the point, weighted by force.  Of a
+        roller round which strip is drawn, what another one presses it with in a nip is left out.
         """
-        x = self.contact.operator.reference[0]
-        order = np.argsort(x)
-        force = self.pressure * self.area
-        sums = np.stack([force * self.pressure, force])[:, order].cumsum(axis=1)
+        alone = np.maximum(self.pressure - self.opposed, 0.0)
+        drawn = alone @ self.area > DRAWN_SHARE * self.normal_force
+        pressure, x = alone if drawn else self.pressure, self.contact.operator.reference[0]
+        order, force = np.argsort(x), pressure * self.area
+        sums = np.stack([force * pressure, force])[:, order].cumsum(axis=1)
         sums = np.pad(sums, ((0, 0), (1, 0)))
         reach = MEAN_RANGE * self.roller.radius
         first, last = np.searchsorted(x[order], [x - reach, x + reach])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import compress
+from itertools import compress, permutations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -273,8 +273,14 @@ class StripState:
             return Named()
         rubbing = {} if self.friction is None else self.friction.by_roller
         parts, near = contact.by_roller, contact.elements_near(self.full, self.controls)
-        pairs = zip(parts, near, strict=True)
-        return Named((n, self._contact(parts[n], rubbing.get(n), near)) for n, near in pairs)
+        elements = dict(zip(parts, near, strict=True))
+        found = Named((n, self._contact(parts[n], rubbing.get(n), elements[n])) for n in parts)
+        for one, other in permutations(found.values(), 2):
+            _, mine, its = np.intersect1d(
+                one.contact.operator.chosen, other.contact.operator.chosen, return_indices=True
+            )
+            one.opposed[mine] += other.pressure[its]
+        return found
 
     @property
     def contact(self) -> Contact | None:

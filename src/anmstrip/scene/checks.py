@@ -719,8 +719,11 @@ def separate_rollers(rollers: Rollers) -> Iterator[Mistake]:
         key = f"rollers.{second.name}.centre"
         yield Mistake("", key, list(second.centre), expected, hint)
     for name, (radius, far) in large.items():
-        expected = f"less than {far:.4g} (m), the way to the next axis; was it meant in mm?"
-        yield Mistake("", f"rollers.{name}.radius", radius, expected, f"radius = {1e-3 * radius:g}")
+        meant = {"mm": 1e-3 * radius, "µm": 1e-6 * radius, "another unit": 0.1 * far}
+        unit = next(unit for unit, better in meant.items() if better < far)
+        expected = f"less than {far:.4g} (m), the way to the next axis; was it meant in {unit}?"
+        hint = f"radius = {meant[unit]:g}"
+        yield Mistake("", f"rollers.{name}.radius", radius, expected, hint)
 
 
 def times_of_the_run(threading: Threading, stages: Stages, output: OutputSpec) -> Iterator[Mistake]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set, ValuesView
 from contextlib import suppress
@@ -202,6 +203,9 @@ class SceneSpec(Table):
             for m in error.mistakes:
                 set_by = [override.text for override in applied if override.covers(m.key)]
                 mistakes.append(replace(m, file=f"--set {set_by[-1]}" if set_by else str(source)))
+        for override in applied:
+            if not any(override.covers(mistake.key) for mistake in mistakes):
+                mistakes += override.unquoted()
         if mistakes:
             raise InputError(mistakes)
         scene._source = source
@@ -301,10 +305,13 @@ class Override:
     text: str  # as it was typed
     path: tuple[str, ...]  # keys from the outside in; entries of lists of tables by their name
     value: object
+    bare: bool = False  # whether the value is no TOML: a text without its quotes, or a mistake
 
     @classmethod
     def parse(cls, text: str) -> Override:
         """Read ``KEY=VALUE``, the key dotted and the value in TOML syntax.
+
+        What is no TOML is taken for text, of which the key says what it would have been.
 
         Raises
         ------
@@ -331,12 +338,18 @@ class Override:
         try:
             (value,) = tomllib.loads(f"value = {typed}").values()
         except (ValueError, RecursionError):
-            hint = "a number in SI units without the unit, true, [1.0, 0.0, 0.0], or text in quotes"
-            hint += f""": '{key}="{typed}"'"""
-            if pointed := with_decimal_point(f"{key}={typed}"):
+            pointed = with_decimal_point(f"{key}={typed}")
+            if pointed is not None and not cls.parse(pointed).bare:
                 hint = f"--set {pointed}"
-            raise wrong_override(text, key, typed, "a value in TOML syntax", hint) from None
+                raise wrong_override(text, key, typed, "a value in TOML syntax", hint) from None
+            return cls(text, tuple(path), typed, bare=True)
         return cls(text, tuple(path), value)
+
+    def unquoted(self) -> list[Mistake]:
+        """Return the mistake of a text that is right but for its quotes, if it is one."""
+        key, hint = ".".join(self.path), shlex.quote(f'{".".join(self.path)}="{self.value}"')
+        wrong = wrong_override(self.text, key, self.value, "text in quotes", f"--set {hint}")
+        return list(wrong.mistakes) if self.bare else []
 
     def covers(self, key: str) -> bool:
         """Return whether a dotted key is the one set, below it, or a table around it."""
@@ -596,7 +609,7 @@ def better_value(kind: str, value: Any, place: Place, data: Mapping[str, Any]) -
     """
     if place.field is None or (place.item and kind != "missing"):
         return None
-    if place.name == "name" and kind == "string_pattern_mismatch" and name_like(value):
+    if place.name == "name" and kind.startswith("string_") and name_like(value):
         return f'"{name_like(value)}"'
     better = likely_value(kind, value, place.meaning, place.field)
     if place.name == "drive" and better is None:

@@ -505,7 +505,7 @@ class RollerSpec(Table):
     """A rigid roller: a cylinder, or another profile along its axis."""
 
     name: Name = Field(examples=['"r1"'])
-    """name, of letters, digits, - and _ (text)"""
+    """name, of at most 64 letters, digits, - and _ (text)"""
     radius: Positive = Field(examples=["0.5"])
     """radius, a number above 0 (m)"""
     centre: Vector = Field(examples=["[0.0, 0.0, -0.501]"])
@@ -657,7 +657,7 @@ class StageSpec(Table):
     """
 
     name: Name = Field(examples=['"turn"'])
-    """name, of letters, digits, - and _ (text)"""
+    """name, of at most 64 letters, digits, - and _ (text)"""
     duration: Positive = Field(examples=["1.0"])
     """duration, not needed with steady = true, or without friction, yield and ends that move,
     above 0 (s)"""

@@ -349,13 +349,17 @@ class Course:
         From rest, bearings would begin to brake at about V_c: a line of forty rollers takes 14
         tangents, so 5.  Those that the strip does not touch rest.  A threaded strip under T with
         the stretch λ sticks to rollers that run at c (λ − 3 D κ²/(2 E t)), with the membrane force
-        of strip that is bent to κ (m/s).
+        of strip that is bent to κ (m/s).  The pull at its exit may have grown since.
         """
         a, end = self.assembly, self._targets(stage, dict(self.values))
-        assert a.thread is not None and a.friction is not None
+        assert a.thread is not None and a.friction is not None and a.scene.threading is not None
+        pull = float(np.linalg.norm(self.values.get("exit.force", 0.0)))
+        pull += float(self.values.get("exit.tension", 0.0))
+        grown = (pull - a.scene.threading.tension) / a.strip.tensile_stiffness if pull else 0.0
         bent, turns = 1.5 * bending_stiffness(a.scene) / a.strip.tensile_stiffness, a.thread.turns
         sticking = {
             r.name: a.thread.stretch(label_at(r, a.thread))
+            + grown
             - bent * bent_curvature(a.scene, r.radius, turns.get(r.name, 0.0)) ** 2
             for r in a.rollers
         }
