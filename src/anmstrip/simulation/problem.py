@@ -668,14 +668,15 @@ class Assembly:
 
         Left open, it is graded: p₀ is the pressure of the taut strip on its rollers, or its
         weight or the pressure on it if that is more.  Flat strip that nothing pulls bears it, and
-        rollers that bend it, on lines, where it would sink by several onsets else.  The onset is the gap that a straight
-        strip has half a spacing of contact points beyond where it lifts off.  It is that at a whole
-        spacing where elements have several parts: the load of a roller then does not change by
-        17 %, but by 1e-4, as points pass it, and a plate takes half as many tangents.  Where
-        only weight or pressure presses, q, the strip floats w log(p₀/q) high, which must be a
-        small share of its thickness.  Where tension varies across, by rollers, heat or flatness, a
-        gap stretches fibres by its share of the radius, which must not be seen beside T/(E t).  A
-        belt is as long as on its rollers if that pressure is by the mean of log(r) over its wraps.
+        rollers that bend it, on lines, where it would sink by several onsets else.  The onset is
+        the gap that a straight strip has half a spacing of contact points beyond where it lifts
+        off.  It is that at a whole spacing where elements have several parts: the load of a roller
+        then does not change by 17 %, but by 1e-4, as points pass it, and a plate takes half as many
+        tangents.  Where only weight or pressure presses, q, the strip floats w log(p₀/q) high,
+        which must be a small share of its thickness.  Where tension varies across, by rollers, heat
+        or flatness, a gap stretches fibres by its share of the radius, which must not be seen
+        beside T/(E t).  A belt is as long as on its rollers if that pressure is by the mean of
+        log(r) over its wraps.
         """
         c = self.scene.contact
         assert c is not None
