@@ -53,7 +53,7 @@ Values = Mapping[str, Any]
 State = tuple[Array, Array | None, float]
 """Displacements and velocities of all unknowns, and λ."""
 
-Moment = tuple[Array, Array | None, Mapping[str, Any]]
+Moment = tuple[Array, Array | None, Values]
 """Displacements and velocities of all unknowns, and the values of the controls."""
 
 
@@ -61,7 +61,7 @@ LAW_WIDTH = "laws.width"
 """Control: logarithm of the width of the corners of laws in velocity over that given, 0 without."""
 
 
-def scale_speeds(speeds: Any, controls: Mapping[str, Any]) -> Any:
+def scale_speeds(speeds: Any, controls: Values) -> Any:
     """Return speeds (m/s) over the width of the corners: what wider laws see is what these see."""
     return speeds * np.exp(-controls[LAW_WIDTH]) if LAW_WIDTH in controls else speeds
 
@@ -138,11 +138,11 @@ class LawEffect(Effect):
         """Number of points of the operator."""
         return self.operator.points
 
-    def near(self, full: Array, controls: Mapping[str, Any]) -> LawEffect:
+    def near(self, full: Array, controls: Values) -> LawEffect:
         """Return the effect on those points where it is not negligible in a state."""
         return self
 
-    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def law(self, x: Any, v: Any, controls: Values) -> Any:
         """Return the generalised stress at the points, of the shape of ``x`` = L u."""
         raise NotImplementedError
 
