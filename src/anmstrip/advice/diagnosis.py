@@ -42,6 +42,7 @@ from anmstrip.arrays import Array
 from anmstrip.continuation.path import NEGLIGIBLE_SHARE, Evidence, Outcome, PathStopped
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.sampling import shape_of
+from anmstrip.mechanics.roller import placed
 from anmstrip.mechanics.shell import eigenstrain
 from anmstrip.results.rollers import ContactState
 from anmstrip.results.state import State
@@ -159,16 +160,10 @@ class Failure:
         return locate(self.stopped.evidence, self.state, self.assembly.thread is not None)
 
     @cached_property
-    def touched(self) -> list[ContactState]:
-        """Rollers that the strip lies on."""
-        return [c for c in self.state.contacts.values() if c.touching.any()]
-
-    @cached_property
     def carrying(self) -> dict[str, ContactState]:
         """Rollers with a drive that the strip lies on."""
         driven = {roller.name for roller in self.scene.rollers if roller.driven}
-        contacts = self.state.contacts.items()
-        return {name: c for name, c in contacts if name in driven and c.touching.any()}
+        return {name: c for name, c in self.state.touched.items() if name in driven}
 
 
 def diagnosis(failure: Failure, cause: str | None = None) -> str:
@@ -265,7 +260,7 @@ def not_held(failure: Failure) -> str | None:
     held = np.ones(failure.plan.model.unknowns, dtype=bool)
     held[failure.plan.supports.free] = False
     rubbed = "xy" if failure.plan.in_time else ""
-    by_rollers = rubbed + "z" if failure.touched else ""
+    by_rollers = rubbed + "z" if failure.state.touched else ""
     for place, component in enumerate(strip.kinematics.components):
         name = "xyz"[component]
         if held[strip.count * strip.node_values + place].any() or name in by_rollers:
@@ -281,8 +276,7 @@ def squeezed(failure: Failure) -> str | None:
     for pair in combinations(assembly.rollers, 2):
         if not {roller.name for roller in pair} <= set(contacts):
             continue
-        centres = (controls[f"rollers.{roller.name}.centre"] for roller in pair)
-        a, b = (replace(r, centre=tuple(at)) for r, at in zip(pair, centres, strict=True))
+        a, b = placed(pair, controls)
         apart = float(np.linalg.norm(across(np.subtract(b.centre, a.centre), a.unit_axis)))
         nip = Nip(a, b, apart - a.radius - b.radius)
         first, second = (contacts[r.name].pressed for r in pair)
@@ -482,7 +476,7 @@ def stiff_friction(failure: Failure) -> str | None:
     """Friction turns round within a speed at which the positions have no digits left."""
     friction, strip = failure.scene.friction, failure.assembly.strip
     law = failure.assembly.law_of_slip(failure.stage)
-    if not failure.plan.in_time or friction is None or law is None or not failure.touched:
+    if not failure.plan.in_time or friction is None or law is None or not failure.state.touched:
         return None
     seen = np.finfo(float).eps * strip.length / (USUAL_STEP * failure.plan.duration)
     corner = friction.omega if "omega" in friction.constants else 1.0

@@ -19,7 +19,7 @@ from anmstrip.arrays import Array
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.sampling import quadrature_points, shape_of
 from anmstrip.fem.strip import Strip
-from anmstrip.mechanics.roller import Roller
+from anmstrip.mechanics.roller import Roller, placed
 from anmstrip.mechanics.shell import eigenstrain
 from anmstrip.scene.checks import PARALLEL_COSINE, ROUND_OFF, moved_ends
 from anmstrip.scene.schema import SceneSpec, StageSpec
@@ -274,12 +274,11 @@ def moved_through(preview: Preview, roller: Roller) -> bool:
     """Whether a stage moves a roller to the other side of the string around the others."""
     key = f"rollers.{roller.name}.centre"
     for plan, string in zip(preview.plans, preview.strings, strict=True):
-        path, moved = string.path, axis_crossing(roller) - np.asarray(roller.centre)[[0, 2]]
+        path = string.path
         if path is None or not np.any(plan.controls.slope.get(key, 0.0)):
             continue
-        before, after = (np.asarray(plan.controls.at(share)[key])[[0, 2]] for share in (0.0, 1.0))
-        sides = {path.passing(place + moved, STRIP_SAMPLES)[1] for place in (before, after)}
-        if len(sides) > 1:
+        ends = (axis_crossing(*placed([roller], plan.controls.at(share))) for share in (0.0, 1.0))
+        if len({path.passing(place, STRIP_SAMPLES)[1] for place in ends}) > 1:
             return True
     return False
 

@@ -296,10 +296,7 @@ def undriven(state: State, scene: SceneSpec) -> Iterator[str]:
     if not state.plan.steady or state.plan.model.coupled - 1 not in state.plan.supports.free:
         return
     driven = [spec.name for spec in scene.rollers if spec.drive == "speed"]
-    touching = [
-        name for name in driven if name in state.contacts and state.contacts[name].touching.any()
-    ]
-    if driven and not touching:
+    if driven and state.touched.keys().isdisjoint(driven):
         came = "stands still" if stands(state) else f"came to {state.strip_speed:.3g} m/s"
         yield (
             f"nothing says how fast the strip runs, since no driven roller touches it: it {came}. "
@@ -482,7 +479,7 @@ def buckled_section(state: State, scene: SceneSpec) -> Iterator[str]:
     if state.membrane is None or strip.count != 2 or not given.bending or given.foundation:
         return
     begin, end = strip.span
-    arcs = sorted(contact.arc for contact in state.contacts.values() if contact.touching.any())
+    arcs = sorted(contact.arc for contact in state.touched.values())
     places, forces = quadrature_points(strip)[0], state.membrane_forces[0, 0]
     held = {name for name, edge in scene.edges.items() if "z" in edge.fixed}
     loose = [name for name in ENDS if name not in held]

@@ -491,8 +491,8 @@ def report(run: Run, told: Collection[str] = ()) -> str:
         if latent is not None and manifest is not None and latent >= MIN_FLATNESS:
             mean = f"{latent:.3g} I-units latent in the mean along the strip"
             parts.append(f"Flatness: {mean}, {manifest:.3g} in waves where they are highest.")
-        driven = [r.name for r in run.scene.rollers if r.driven]
-        touched = {n: c for n in driven if (c := state.contacts.get(n)) and c.touching.any()}
+        driven = [r.name for r in run.scene.rollers if r.driven and r.name in state.touched]
+        touched = {name: state.contacts[name] for name in driven}
         slid = [n for n in touched if (state.rollers[n].capacity_used or 0.0) > SLIDING_SHARE]
         slid = [n for n in slid if slides(touched[n])]
         if slid:

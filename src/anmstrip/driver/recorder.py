@@ -17,6 +17,7 @@ import numpy as np
 
 from anmstrip.arrays import Array
 from anmstrip.errors import InputError, Mistake, toml_text
+from anmstrip.mechanics.roller import placed
 from anmstrip.results.fields import PROFILE_COLUMNS, FieldSampler, Profile
 from anmstrip.results.files import (
     START_AFRESH,
@@ -182,10 +183,8 @@ class Recorder:
         write_surface(self.directory / strip, points, cells, fields)
         self.strip.add(state.time, strip)
         if self.assembly.rollers:
-            moved = []
-            for roller in self.assembly.rollers:
-                centre = state.controls[f"rollers.{roller.name}.centre"] + origin
-                moved.append(replace(roller, centre=tuple(centre)))
+            here = placed(self.assembly.rollers, state.controls)
+            moved = [replace(r, centre=tuple(r.centre + origin)) for r in here]
             angles = [roller.sense * self.turned[roller.name] / roller.radius for roller in moved]
             write_rollers(self.directory / rollers, moved, angles, self.assembly.strip.width)
             self.rollers.add(state.time, rollers)

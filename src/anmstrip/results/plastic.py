@@ -224,7 +224,7 @@ class YieldedStrip:
         strip behind it, since strip may yield again where tension straightens it.
         """
         begin, _ = self.strip.span
-        middles = {n: c.middle - begin for n, c in self.state.contacts.items() if c.touching.any()}
+        middles = {n: c.middle - begin for n, c in self.state.touched.items()}
         names = sorted(middles, key=lambda name: middles[name])
         places = np.array([middles[name] for name in names])
         if not names:

@@ -116,8 +116,7 @@ def free_spans(state: State) -> Iterator[Span]:
     strip, d = model.strip, model.strip.bending_stiffness
     begin, stop = strip.span
     reach = FREE_DISTANCE * np.sqrt(d / model.scales.tension) * np.array([-1.0, 1.0])
-    touched = [(name, c) for name, c in state.contacts.items() if c.touching.any()]
-    arcs = sorted((*(contact.arc + reach), name) for name, contact in touched)
+    arcs = sorted((*(contact.arc + reach), name) for name, contact in state.touched.items())
     stations = [(begin, begin, "the entry"), *arcs, (stop, stop, "the exit")]
     (positions, fibres, _), weights = quadrature_points(strip), strip.weights().ravel()
     lines = np.round(fibres / (FIBRE_WIDTH * strip.cell_sizes[1].max())).astype(np.int64)

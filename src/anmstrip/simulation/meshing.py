@@ -33,7 +33,7 @@ from anmstrip.simulation.defaults import (
     stage_speeds,
     thermal_growth,
 )
-from anmstrip.simulation.threading import Thread
+from anmstrip.simulation.threading import Interval, Thread
 
 MAX_ELEMENTS = 250_000
 """Of a strip; the tangent of a shell of so many takes tens of gigabytes."""
@@ -289,7 +289,7 @@ class Layout:
         scene, spec, half, thread = self.scene, self.scene.strip, self.half, self.thread
         coarse = 2.0 * half / cells[0]
         fine = spec.element_length or LAYER_SHARE * boundary_layer(scene) or np.inf
-        zones = list[tuple[float, float]]()
+        zones = list[Interval]()
         if scene.contact is not None and fine < coarse:
             zones = self.fine_zones(self.rollers)
         graded = list[Zone]()
@@ -305,9 +305,7 @@ class Layout:
             return graded_nodes(half, graded, coarse, self.lifts, finer=mesh_density(scene))
         return lines_of_nodes(half, zones, fine / mesh_density(scene), coarse / mesh_density(scene))
 
-    def _refuse_more(
-        self, cells: tuple[int, int], zones: list[tuple[float, float]], fine: float
-    ) -> None:
+    def _refuse_more(self, cells: tuple[int, int], zones: list[Interval], fine: float) -> None:
         """Refuse more elements than fit into a computer, before they are made."""
         scene, half = self.scene, self.half
         across = 1 if scene.strip.kinematics == "section" else cells[1]
@@ -370,9 +368,7 @@ class Layout:
         """Lengths (m) of elements by default over rollers."""
         scene, layer = self.scene, self.bending_layer
         pairs = zip(self.rollers, self.deepest_bearing, strict=True)
-        return [
-            wanted_size(scene, r.radius, layer, depth, r.name in self.nipping) for r, depth in pairs
-        ]
+        return [wanted_size(scene, r.radius, layer, d, r.name in self.nipping) for r, d in pairs]
 
     @property
     def shortest_wanted(self) -> float:
@@ -465,7 +461,7 @@ class Layout:
         return [other for other in found if other.roller.name in reached]
 
     @cached_property
-    def arcs(self) -> list[dict[str, tuple[float, float]]]:
+    def arcs(self) -> list[dict[str, Interval]]:
         """Arcs of a threaded strip at the beginning and, where rollers move or weight acts, later.
 
         Where labels follow rollers, the middle of an arc stays where it was.
@@ -520,18 +516,16 @@ class Layout:
                 return True
         return False
 
-    def fine_zones(self, rollers: Sequence[Roller]) -> list[tuple[float, float]]:
+    def fine_zones(self, rollers: Sequence[Roller]) -> list[Interval]:
         """Stretches of strip, in the reference, that come to lie on some of the rollers."""
-        zones, united = [], list[tuple[float, float]]()
+        zones, united = [], list[Interval]()
         half, thread = self.half, self.thread
         threaded = {} if thread is None else thread.arcs
         margin = 4.0 * min(boundary_layer(self.scene), half)
         back, ahead = self.travel
         for roller in rollers:
             reach = 0.5 * np.pi * roller.radius
-            middle = (
-                roller.centre[0] if thread is None else thread.passing(axis_crossing(roller))[0]
-            )
+            middle = roller.centre[0] if thread is None else label_at(roller, thread)
             first, last = middle - reach, middle + reach
             if roller.name in threaded:
                 first, last = threaded[roller.name]
@@ -753,9 +747,7 @@ def threaded_around(
             return now, np.array(kept) < count
 
 
-def hanging_arcs(
-    thread: Thread, arcs: dict[str, tuple[float, float]], runs: Array
-) -> dict[str, tuple[float, float]]:
+def hanging_arcs(thread: Thread, arcs: dict[str, Interval], runs: Array) -> dict[str, Interval]:
     """Return arcs between runs that hang: longer where these are over their roller."""
     forth = np.sign(np.cos(thread.middle.angles[::2, 0]))
     found = {}
@@ -888,9 +880,7 @@ def lengths_of_runs(thread: Thread, own: NDArray[np.bool_] | None = None) -> Arr
     return np.diff([0.0, *middles, float(thread.middle.length[0])])
 
 
-def lines_of_nodes(
-    half: float, zones: list[tuple[float, float]], fine: float, coarse: float
-) -> Array:
+def lines_of_nodes(half: float, zones: list[Interval], fine: float, coarse: float) -> Array:
     """Coordinates from −half to half, at most fine apart in the zones and coarse elsewhere."""
     marks = sorted({-half, half, *(x for zone in zones for x in zone)})
     xs = [np.array([-half])]

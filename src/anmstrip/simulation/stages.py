@@ -283,10 +283,9 @@ class Course:
         strip = self.assembly.strip
         if not self.assembly.closed:
             return None
-        entry, exit = (strip.unknowns_of(strip.edges[name].trace) for name in ("entry", "exit"))
-        slopes = (strip.dofs("u_x")[strip.edges[name].nodes] for name in ("entry", "exit"))
+        edges, slopes = (strip.edges[name] for name in ENDS), strip.dofs("u_x")
         entry, exit = (
-            np.append(a, strip.unknowns_of(b)) for a, b in zip((entry, exit), slopes, strict=True)
+            np.append(strip.unknowns_of(e.trace), strip.unknowns_of(slopes[e.nodes])) for e in edges
         )
         jump = np.zeros(len(entry))
         jump[: strip.count] = strip.kinematics.pick([-strip.length, 0.0, 0.0])

@@ -38,6 +38,9 @@ from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS, I_UNIT, RollerSpec
 from anmstrip.simulation.defaults import bending_stiffness
 
+Interval = tuple[float, float]
+"""Labels (m) between which something is."""
+
 SENSES = {"over": 1.0, "left": 1.0, "under": -1.0, "right": -1.0}
 """Sides on which a strip passes: +1 on the left of its travel, with x to the right and z upwards,
 so that it turns to the right."""
@@ -166,7 +169,7 @@ class Thread:
         return float(self.stretches.label(self.middle.length[0]))
 
     @property
-    def arcs(self) -> dict[str, tuple[float, float]]:
+    def arcs(self) -> dict[str, Interval]:
         """Roller → reference x where contact begins and ends."""
         arcs = self.middle.arcs
         x = self.stretches.label(np.stack([arcs.start[:, 0], arcs.end[:, 0]], axis=1))
@@ -197,15 +200,10 @@ class Thread:
 
     def string_path(self, y: Array) -> StringPath:
         """Paths of the fibres at y, shape (fibres,)."""
-        centres, radii = [], []
-        for roller, depth in zip(self.rollers, self.depths, strict=True):
-            s = (y - roller.centre[1]) / roller.unit_axis[1]
-            point = np.asarray(roller.centre)[:, None] + roller.unit_axis[:, None] * s
-            centres.append(point[[0, 2]])
-            radii.append(roller.radius_at(s) + roller.half + depth)
-        c, r = np.reshape(centres, (-1, 2, len(y))), np.reshape(radii, (-1, len(y)))
-        entry, exit = self.ends
-        return string_path(c, r, self.senses, entry, exit, self.crossing)
+        sections, (entry, exit) = [roller.section(y) for roller in self.rollers], self.ends
+        centres = np.reshape([centre for centre, _ in sections], (-1, 2, len(y)))
+        radii = np.reshape([radius for _, radius in sections], (-1, len(y))) + self.depths[:, None]
+        return string_path(centres, radii, self.senses, entry, exit, self.crossing)
 
     def touching(self, y: Array, heights: Array) -> tuple[StringPath, Array]:
         """Paths of fibres at y around the rollers that they touch, larger by half of heights (m).
