@@ -26,7 +26,7 @@ from anmstrip.advice.warnings import (
 )
 from anmstrip.arrays import Array
 from anmstrip.continuation.follow import Pace
-from anmstrip.continuation.path import Cost, Outcome, PathStopped
+from anmstrip.continuation.path import Outcome, PathStopped
 from anmstrip.driver.budget import LARGE_MESH_ERROR, Budget, Part, tension_readings
 from anmstrip.driver.recorder import Recorder, history_row, identity, kept_values, read_checkpoint
 from anmstrip.equilibrium import StageProblem
@@ -229,6 +229,12 @@ class Run:
         The same in a sentence.
     warnings : list of str
         What the scene and the last state of a written run give cause for.
+    cost : Cost
+        Factorisations and back-substitutions so far.
+    end_time : float
+        Sum of the stages' durations (s).
+    is_estimated : bool
+        Whether errors are estimated, as of a run that is written.
 
     Raises
     ------
@@ -255,7 +261,7 @@ class Run:
         bent = None if scene.strip.imperfection is None else imperfection_of(scene)
         a = self.assembly = Assembly(scene, bent, tuple(effects))
         self.scene, self.march, self.identity = a.scene, March(a), identity(a)
-        self.budget = Budget(a)
+        self.cost, self.end_time, self.budget = self.march.cost, a.scene.ends[-1], Budget(a)
         self.steps, self.first_stage = 0, 0
         self.effects: dict[str, dict[str, Any]] = {}
         self.stages: dict[str, dict[str, Any]] = {}
@@ -293,11 +299,7 @@ class Run:
         if self.directory is not None:
             errors = partial(errors_of, self.budget, self.march)
             self.recorder = Recorder(a, self.directory, errors, resumed)
-
-    @property
-    def cost(self) -> Cost:
-        """Factorisations and back-substitutions so far."""
-        return self.march.cost
+        self.is_estimated = self.recorder is not None or self.estimates
 
     def forewarnings(self) -> list[str]:
         """Return what the scene alone gives cause for, before anything is solved."""
@@ -328,11 +330,6 @@ class Run:
     def __repr__(self) -> str:
         name = self.scene.title or self.scene.name
         return f"<Run of {name!r}: {self.steps} steps. {self.message}>"
-
-    @property
-    def end_time(self) -> float:
-        """Sum of the stages' durations (s)."""
-        return self.scene.ends[-1]
 
     def __iter__(self) -> Iterator[Step]:
         with nullcontext() if self.recorder is None else self.recorder.lock:
@@ -407,18 +404,13 @@ class Run:
             march.finish(stage, plan)
             self.first_stage += 1
 
-    @property
-    def is_estimated(self) -> bool:
-        """Whether errors are estimated, as of a run that is written."""
-        return self.recorder is not None or self.estimates
-
     def _look_at_errors(self, stage: StageSpec) -> None:
         """Estimate the errors of the present state."""
         if self.is_estimated and self.state is not None:
             march, before = self.march, self.budget.time
             if self.state.time > before and self.state.plan.name == stage.name:
                 with self.cost.timed("errors"):
-                    self.budget.look(stage, self.state, march.memory, march.course.released)
+                    self.budget.look(self.state, march.memory, march.course.released)
 
     def _accept(self, step: Step) -> Step:
         """Count a step, look for events and snaps in it, and write it down."""
@@ -469,10 +461,9 @@ class Run:
         """Return the facts of an onset, with its loads on the finer mesh if it is the first."""
         facts = onset.facts
         if all(told["kind"] != onset.kind for told in self.wrinkles) and self.is_estimated:
-            stage = next(each for each in self.scene.course if each.name == facts["stage"])
             with self.cost.timed("errors"):
                 released = self.march.course.released
-                facts["on_halves"] = self.budget.loads_on_halves(stage, onset, released)
+                facts["on_halves"] = self.budget.loads_on_halves(onset, released)
         self.wrinkles.append(facts)
         return facts
 

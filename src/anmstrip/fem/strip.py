@@ -101,8 +101,14 @@ class Strip:
         Numbers of unknown components, of degrees of freedom of one of them, and of all.
     node_values : ndarray of int, shape (nodes,)
         Scalar degree of freedom "value" of every mesh node.
+    nodes : ndarray, shape (3, nodes)
+        Reference positions of the mesh nodes.
+    span : tuple of float
+        Reference x (m) of the nodes at the beginning and at the end.
     cell_sizes : ndarray, shape (dimensions, elements)
         Extent of every element in x (and y) (m).
+    areas : ndarray, shape (elements,)
+        Area of every element (m²).
     length, width : float
         Extents along x and y (m).
     depth : float
@@ -138,6 +144,9 @@ class Strip:
         self.tensile_stiffness = material.young * thickness
         self.membrane_stiffness = self.tensile_stiffness / (1.0 - material.poisson**2)
         self.bending_stiffness = self.membrane_stiffness * thickness**2 / 12.0
+        self.nodes: Array = self.in_space(mesh.p)
+        self.span = float(self.nodes[0].min()), float(self.nodes[0].max())
+        self.areas: Array = self.weights().sum(axis=1)
 
     def nodal(self, full: Array) -> Array:
         """Values of the degrees of freedom, (scalars, components), of all unknowns of a model."""
@@ -154,11 +163,6 @@ class Strip:
         if 0 in self.kinematics.components:
             self.nodal(slopes)[self.dofs("u_x"), 0] = 1.0
         return slopes
-
-    @cached_property
-    def nodes(self) -> Array:
-        """Reference positions of the mesh nodes, shape (3, nodes)."""
-        return self.in_space(self.mesh.p)
 
     @cached_property
     def lines(self) -> tuple[Array, Index]:
@@ -199,17 +203,6 @@ class Strip:
     def dofs(self, name: str) -> Index:
         """Scalar degrees of freedom of the nodes by name: u, u_x, u_y, u_xy, ..."""
         return self.basis.nodal_dofs[self.basis.elem.dofnames.index(name)]
-
-    @cached_property
-    def span(self) -> tuple[float, float]:
-        """Reference x (m) of the nodes at the beginning and at the end."""
-        x = self.nodes[0]
-        return float(x.min()), float(x.max())
-
-    @cached_property
-    def areas(self) -> Array:
-        """Area of every element, shape (elements,), m²."""
-        return self.weights().sum(axis=1)
 
     @cached_property
     def dof_lengths(self) -> Array:

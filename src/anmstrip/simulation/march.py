@@ -172,6 +172,8 @@ class March:
         Unstressed length (m) of the strip that has been fed in, in time.
     follow : callable
         Follows paths, by series or by Newton's method (``solver.method``).
+    ways : dict
+        The solver and the counters, which all that solves is given.
     """
 
     def __init__(self, assembly: Assembly) -> None:
@@ -181,6 +183,7 @@ class March:
         self.tolerances = Tolerances(assembly.scene.solver.tolerance)
         self.course, self.solver = Course(assembly), SparseSolver()
         self.cost = Cost(most=assembly.scene.solver.max_tangents)
+        self.ways: dict[str, Any] = {"solver": self.solver, "cost": self.cost}
         self.full = np.zeros(assembly.unknowns)
         self.velocity = np.zeros_like(self.full)
         self.reached: float | None = None
@@ -275,11 +278,6 @@ class March:
         self.full, self.velocity = plan.supports.full(found, 0.0), np.zeros_like(self.velocity)
         self.course.stand_still()
         return True
-
-    @property
-    def ways(self) -> dict[str, Any]:
-        """The solver and the counters, which all that solves is given."""
-        return {"solver": self.solver, "cost": self.cost}
 
     def here(self, plan: StageProblem) -> State:
         """Return the present state, as one of a stage."""
@@ -378,11 +376,9 @@ class March:
         floor = ROUND_OFF_MARGIN * equations.round_off(u, 1.0)
         if imbalance <= max(floor, NEGLIGIBLE_IMBALANCE):
             return u, imbalance
-        begin, kept = imbalance, TANGENT_REUSE_RATIO
-        patient = Corrections(floor, MAX_LAST_CORRECTIONS, SLOW_CONVERGENCE_RATIO, kept=kept)
-        quick = replace(
-            patient, uncounted=0.0, least=1, helpful=SLOW_CONVERGENCE_RATIO, near=np.inf
-        )
+        begin, kept, slow = imbalance, TANGENT_REUSE_RATIO, SLOW_CONVERGENCE_RATIO
+        patient = Corrections(floor, MAX_LAST_CORRECTIONS, slow, kept=kept)
+        quick = replace(patient, uncounted=0.0, least=1, helpful=slow, near=np.inf)
         for aim in (quick, patient):
             found = Newton(equations, self.solver, aim, self.cost).corrected(u, 1.0)
             if found is not None and found.imbalance < imbalance:
