@@ -273,7 +273,7 @@ def why_speed_is_free(preview: Preview) -> str:
 
 def lifted_off(state: State, scene: SceneSpec) -> Iterator[str]:
     """Rollers that the strip is threaded around, and bent does not touch where it came to be."""
-    moved = {name for stage in scene.stages for name, turn in stage.rollers.items() if turn.move}
+    moved = {name for stage in scene.stages for name in stage.moves}
     laid = state.plan.name != THREADING or state.control == 1.0
     for roller in scene.rollers if laid else ():
         contact = state.contacts.get(roller.name)
@@ -1015,9 +1015,8 @@ def against_section(preview: Preview) -> Iterator[str]:
     for stage in scene.stages:
         if stage.gravity is not None and stage.gravity[1]:
             yield f"stage {stage.name} has gravity across the strip"
-        for name, roller_control in stage.rollers.items():
-            if roller_control.move is not None and roller_control.move[1]:
-                yield f"stage {stage.name} moves {name} across the strip"
+        for name in (name for name, move in stage.moves.items() if move[1]):
+            yield f"stage {stage.name} moves {name} across the strip"
         for name, c in stage.edges.items():
             given = (c.force, c.move, c.velocity)
             if name in ENDS and any(v is not None and v[1] for v in given):

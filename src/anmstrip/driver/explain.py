@@ -298,7 +298,6 @@ def geometry_table(preview: Preview) -> Table:
     """
     strip, thread = preview.assembly.strip, preview.assembly.thread
     turning = clockwise_rollers(preview)
-    kinds = {spec.name: spec.drive for spec in preview.assembly.scene.rollers}
     wraps = {} if thread is None else thread.turns
     last = "wrap (°), side" if thread else "gap to the flat strip, wrap (°), side"
     columns = ("radius (m)", "centre (m)", "axis", "passed", "turns", last)
@@ -314,7 +313,8 @@ def geometry_table(preview: Preview) -> Table:
         sides = [s.senses[roller.name] for s in preview.strings if roller.name in s.senses]
         touched = sides and (thread or turn > 0.0 or flat_gap(strip, roller) <= 0.0)
         wrap = f"{np.degrees(turn):.4g}°, {sides[0]}" if touched else "not touched"
-        drive = f", {kinds[roller.name]}" if kinds[roller.name] != "speed" else ""
+        kind = preview.assembly.specs[roller.name].drive
+        drive = f", {kind}" if kind != "speed" else ""
         centre = ", ".join(f"{c:g}" for c in np.add(roller.centre, strip.origin))
         axis = ", ".join(f"{c:.3g}" for c in roller.unit_axis)
         turns = ("" if roller.name in turning else "anti") + "clockwise" + drive

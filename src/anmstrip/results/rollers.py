@@ -83,6 +83,12 @@ class ContactState:
         Force of the roller on the strip (N).
     max_slip : float
         Largest slip speed in contact (m/s).
+    pressed : ndarray of int
+        Numbers of the points in contact in the whole strip.
+    cone_share : ndarray, shape (points,)
+        |R_T| / (f R_N) of the points in contact, 0 elsewhere and without friction.
+    status : ndarray, shape (points,)
+        0 free, 1 in contact, 2 in contact and slipping.
     """
 
     contact: Contact
@@ -113,6 +119,12 @@ class ContactState:
         self.resultant = ((self.pressure * self.normal + self.traction) * self.area).sum(axis=1)
         speeds = np.linalg.norm(self.slip, axis=0)
         self.max_slip = float(speeds[self.touching].max(initial=0.0))
+        self.pressed: Index = operator.chosen[self.touching]
+        cone = (self.coefficient or 0.0) * self.pressure
+        used, rubbed = np.linalg.norm(self.traction, axis=0), self.touching & (cone > 0.0)
+        self.cone_share: Array = np.divide(used, cone, out=np.zeros_like(used), where=rubbed)
+        slips = self.cone_share >= STICKING_SHARE
+        self.status = np.where(self.touching, np.where(slips, 2.0, 1.0), 0.0)
 
     @cached_property
     def least(self) -> Array:
@@ -130,23 +142,6 @@ class ContactState:
         squares, forces = sums[:, last] - sums[:, first]
         mean = np.divide(squares, forces, out=np.zeros_like(x), where=forces > 0.0)
         return np.maximum(TOUCHING_SHARE * mean, self.contact.signorini.faint)
-
-    @property
-    def pressed(self) -> Index:
-        """Numbers of these points in the whole strip."""
-        return np.asarray(self.contact.operator.chosen[self.touching])
-
-    @property
-    def cone_share(self) -> Array:
-        """|R_T| / (f R_N) of the points in contact, 0 elsewhere and without friction."""
-        cone = (self.coefficient or 0.0) * self.pressure
-        size = np.linalg.norm(self.traction, axis=0)
-        return np.divide(size, cone, out=np.zeros_like(size), where=self.touching & (cone > 0.0))
-
-    @property
-    def status(self) -> Array:
-        """Status of each point: 0 free, 1 in contact, 2 in contact and slipping."""
-        return np.where(self.touching, np.where(self.cone_share >= STICKING_SHARE, 2.0, 1.0), 0.0)
 
     @cached_property
     def sliding(self) -> Array:

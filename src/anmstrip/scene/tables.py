@@ -676,6 +676,11 @@ class StageSpec(Table):
     edges: dict[str, EdgeControl] = Field({}, examples=["{ entry.release = true }"])
     """controls by edge, tables (N/m, m, m/s)"""
 
+    @property
+    def moves(self) -> dict[str, tuple[float, float, float]]:
+        """Rollers that the stage moves, and to where from where they began (m)."""
+        return {name: c.move for name, c in self.rollers.items() if c.move is not None}
+
     @model_validator(mode="before")
     @classmethod
     def _gather_edges(cls, given: Any) -> Any:

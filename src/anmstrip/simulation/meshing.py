@@ -265,8 +265,8 @@ class Layout:
             margin = fine_beside(self.bending_layer, size)
             lifts = np.array([arc[roller.name] for arc in self.arcs if roller.name in arc])
             if not len(lifts):  # anywhere near where the strip passes the roller
-                moves = [stage.rollers.get(roller.name) for stage in scene.stages]
-                ways = [(0.0, 0.0, 0.0), *(m.move for m in moves if m is not None and m.move)]
+                moves = [stage.moves.get(roller.name) for stage in scene.stages]
+                ways = [(0.0, 0.0, 0.0), *filter(None, moves)]
                 places = axis_crossing(roller) + np.array(ways)[:, [0, 2]]
                 x = places[:, 0] if thread is None else [thread.passing(p)[0] for p in places]
                 reach = 0.5 * np.pi * roller.radius
@@ -442,8 +442,7 @@ class Layout:
         scene, thread, stages = self.scene, self.thread, open_stages(self.scene)
         if thread is None or not stages:
             return []
-        moved = {name for stage in stages for name, c in stage.rollers.items() if c.move}
-        loose = moved - set(thread.arcs)
+        loose = {name for stage in stages for name in stage.moves} - set(thread.arcs)
         if not loose or not (loose := loose - self.nipping):
             return []
         found, arcs = list[LooseRoller](), list(thread.arcs.values())
@@ -683,11 +682,10 @@ def rollers_in_stages(
     """Yield rollers where they are at the end of each stage; None where it moves none."""
     places = {roller.name: roller for roller in rollers}
     for stage in scene.stages:
-        ways = {name: control.move for name, control in stage.rollers.items() if control.move}
-        for roller in (roller for roller in rollers if roller.name in ways):
-            centre = np.add(roller.centre, ways[roller.name])
+        for roller in (roller for roller in rollers if roller.name in stage.moves):
+            centre = np.add(roller.centre, stage.moves[roller.name])
             places[roller.name] = replace(roller, centre=tuple(centre))
-        yield tuple(places.values()) if ways else None
+        yield tuple(places.values()) if stage.moves else None
 
 
 def fine_beside(layer: float, size: float) -> float:
@@ -893,10 +891,9 @@ def lines_of_nodes(half: float, zones: list[Interval], fine: float, coarse: floa
 
 def contact_stands(scene: SceneSpec) -> bool:
     """Whether the strip lifts on and off at the same labels throughout, as nothing moves."""
-    moves = [c.move for stage in scene.stages for c in stage.edges.values()]
-    if not follows_rollers(scene):
-        moves += [c.move for stage in scene.stages for c in stage.rollers.values()]
-    return labels_stay(scene) and not any(moves)
+    moved = any(edge.move for stage in scene.stages for edge in stage.edges.values())
+    moved |= not follows_rollers(scene) and any(stage.moves for stage in scene.stages)
+    return labels_stay(scene) and not moved
 
 
 def labels_stay(scene: SceneSpec) -> bool:

@@ -6,7 +6,7 @@ import importlib
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
 from inspect import signature
 from pathlib import Path
@@ -217,6 +217,8 @@ class Assembly:
     scene: SceneSpec
     imperfection: Array | None = None
     added: tuple[EffectMaker, ...] = ()
+    _plastic: dict[tuple[bool, float | None], Plasticity] = field(default_factory=dict, init=False)
+    """Plastic strains so far made, by whether they grow, and the strip's speed (m/s)."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "scene", with_defaults(self.scene))
@@ -261,6 +263,16 @@ class Assembly:
         if self.thread is None:
             return rollers
         return tuple(replace(r, sense=carrying_sense(r, self.thread)) for r in rollers)
+
+    @cached_property
+    def specs(self) -> dict[str, RollerSpec]:
+        """Roller → its table in the scene."""
+        return {spec.name: spec for spec in self.scene.rollers}
+
+    @cached_property
+    def driven(self) -> tuple[Roller, ...]:
+        """Rollers whose speed is given: all that do not turn freely."""
+        return tuple(roller for roller in self.rollers if roller.name not in self.turning)
 
     @cached_property
     def turning(self) -> tuple[str, ...]:
@@ -345,10 +357,8 @@ class Assembly:
 
         By rollers that move, those without a wrap too, or by weight, tension or heat.
         """
-        moves = (c.move for stage in self.scene.stages for c in stage.rollers.values())
-        return self.growth is not None or (
-            self.thread is not None and bool(self.scene.strip.feed) and any(moves)
-        )
+        fed = self.thread is not None and bool(self.scene.strip.feed)
+        return self.growth is not None or (fed and any(s.moves for s in self.scene.stages))
 
     @cached_property
     def loads(self) -> dict[str, Loads]:
@@ -484,11 +494,6 @@ class Assembly:
         if p.law is not None:
             return own_law(self.scene, "material.plasticity", p, FlowLaw, given)
         return FlowLaw(**given)
-
-    @cached_property
-    def _plastic(self) -> dict[tuple[bool, float | None], Plasticity]:
-        """Plastic strains so far made, by whether they grow, and the strip's speed (m/s)."""
-        return {}
 
     def plastic_strains(self, grow: bool, speed: float | None = None) -> Plasticity | None:
         """Return plastic strains that are frozen, or grow: in time, or at a speed along the strip.
