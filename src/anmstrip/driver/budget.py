@@ -148,11 +148,6 @@ class Budget:
         """The scene on elements of half the length; None if it cannot be."""
         return Halved.of(self.assembly) if self.assembly.can_halve else None
 
-    @property
-    def warnings(self) -> list[str]:
-        """Sentences about the last state of a run that is done."""
-        return [*self.of_path, *self.of_mesh]
-
     def useless(self, tensions: Iterable[float]) -> list[str]:
         """Sentences about errors as large as what they are errors of: largest tension, half width.
 

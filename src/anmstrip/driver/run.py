@@ -520,8 +520,8 @@ class Run:
         known = {key for words in seen for key in proposed_keys(words)}
         told = [words for words in self.forewarnings() if words not in settled]
         told = [words for words in told if known.isdisjoint(proposed_keys(words))]
-        found = self.budget.warnings if self.outcome.done else self.budget.of_mesh
-        found = [*found, *self._moved_onsets]
+        found = self.budget.of_path if self.outcome.done else []
+        found = [*found, *self.budget.of_mesh, *self._moved_onsets]
         if wrinkling is not None:
             found += self._of_wrinkles(state, wrinkling)
         beside = beside_rollers(state, self.scene)

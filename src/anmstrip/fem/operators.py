@@ -360,6 +360,7 @@ class Layers:
         return cls(heights, weights * thickness / (count - 1))
 
 
+@dataclass(eq=False)
 class InternalOperator:
     """Derivatives at quadrature points, and unknowns that belong to each point alone.
 
@@ -387,21 +388,18 @@ class InternalOperator:
         Number of quadrature points.
     """
 
-    def __init__(
-        self,
-        cells: CellOperator,
-        place: int,
-        variables: int,
-        layers: Layers,
-        slopes: csr_matrix | None = None,
-        flows: bool = True,
-    ) -> None:
-        self.cells, self.points = copy(cells), cells.points
+    cells: CellOperator
+    place: int
+    variables: int
+    layers: Layers
+    slopes: csr_matrix | None = None
+    flows: bool = True
+
+    def __post_init__(self) -> None:
+        self.cells, self.points = copy(self.cells), self.cells.points
         self.cells.symmetric = False  # flow has no potential
-        self.place, self.variables, self.layers = place, variables, layers
-        self.own = variables * len(layers.heights)
-        self.slopes, self.flows = slopes, flows
-        self.strains = cells.count * cells.components
+        self.own = self.variables * len(self.layers.heights)
+        self.strains = self.cells.count * self.cells.components
 
     @cached_property
     def seeds(self) -> Array:

@@ -70,6 +70,7 @@ class Edge:
         return load, float(weights.sum())
 
 
+@dataclass(eq=False, repr=False)
 class Strip:
     """Thin sheet with a C1 discretization.
 
@@ -119,23 +120,21 @@ class Strip:
         D = E t³ / 12 (1 − ν²) (N m).
     """
 
-    def __init__(
-        self,
-        mesh: Mesh,
-        thickness: float,
-        material: Material,
-        kinematics: Kinematics = SHELL,
-        width: float = 1.0,
-        surface: ReferenceSurface | None = None,
-    ) -> None:
+    mesh: Mesh
+    thickness: float
+    material: Material
+    kinematics: Kinematics = SHELL
+    width: float = 1.0
+    surface: ReferenceSurface | None = None
+
+    def __post_init__(self) -> None:
+        mesh, material, width, thickness = self.mesh, self.material, self.width, self.thickness
         for name, value in (("thickness", thickness), ("width", width)):
             require_number(self, name, value)
-        self.mesh, self.thickness, self.material = mesh, thickness, material
-        self.kinematics, self.surface = kinematics, surface
         self.origin, self.flat_origin, self.contact_parts = np.zeros(3), np.zeros(2), 1
         element, degree = next(e for kind, e in ELEMENTS.items() if isinstance(mesh, kind))
         self.basis = Basis(mesh, element(), intorder=degree)
-        self.count, self.scalars = kinematics.count, int(self.basis.N)
+        self.count, self.scalars = self.kinematics.count, int(self.basis.N)
         self.unknowns = self.count * self.scalars
         self.node_values = self.dofs("u")
         self.cell_sizes = np.ptp(mesh.p[:, mesh.t], axis=1)

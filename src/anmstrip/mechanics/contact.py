@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
 
@@ -125,6 +125,10 @@ class Contact(PointEffect):
         Gap (m) beyond which a point is left out, for all or for each roller.
     kinematics : Kinematics
         Which displacements the points have.
+    latest : dict
+        The neighbours that were looked up last.
+    reached : dict
+        Numbers of the points within reach in the latest states.
     """
 
     roller: Roller
@@ -132,6 +136,8 @@ class Contact(PointEffect):
     operator: ContactOperator
     reach: float | Sequence[float] = np.inf
     kinematics: Kinematics = SHELL
+    latest: dict[str, Neighbours] = field(default_factory=dict, init=False, compare=False)
+    reached: dict[bytes, Index] = field(default_factory=dict, init=False, compare=False)
 
     name = "contact"
 
@@ -270,11 +276,6 @@ class Contact(PointEffect):
         """Gaps of the points (m), shape (points,)."""
         return np.asarray(self.seen(self.operator.apply(look[0]), controls).gap)
 
-    @cached_property
-    def latest(self) -> dict[str, Neighbours]:
-        """The neighbours that were looked up last."""
-        return {}
-
     def near(self, full: Array, controls: Values) -> Contact:
         """The same effect on the points within reach."""
         return self.restricted(self.within_reach(full, controls))
@@ -292,11 +293,6 @@ class Contact(PointEffect):
 
         state = np.concatenate([full, self.centres(controls).ravel()])
         return remember(self.reached, state, found)
-
-    @cached_property
-    def reached(self) -> dict[bytes, Index]:
-        """Numbers of the points within reach in the latest states."""
-        return {}
 
     def elements_near(self, full: Array, controls: Values) -> list[Index]:
         """Elements with a point within reach of each roller, in ascending order."""
@@ -364,11 +360,8 @@ class Neighbours:
     skin: float  # m
     full: Array  # unknowns of the strip when they were looked up
     centres: Array  # of the rollers (m), (rollers, 3)
-
-    @cached_property
-    def programs(self) -> list[RecordedLaw]:
-        """Program of what is seen of these pairs, once they were seen."""
-        return []
+    programs: list[RecordedLaw] = field(default_factory=list, init=False)
+    """Program of what is seen of these pairs, once they were seen."""
 
     def seen(self, look: Look, controls: Values) -> Array:
         """Return positions in the rollers' frames and gaps in the last row, (rows + 1, points)."""

@@ -106,9 +106,11 @@ def solve_case(case: MassSpring, scheme: str, *, order: int, tolerance: float) -
     return CaseSolution(**vars(found), cost=cost, stopped=reasons[-1])
 
 
-def explicit_scheme(
-    case: MassSpring, order: int, tolerance: float, cost: Cost
-) -> tuple[TimePath, PathStopped | None]:
+Integrated = tuple[TimePath, PathStopped | None]
+"""Solution, and why it ended before its time."""
+
+
+def explicit_scheme(case: MassSpring, order: int, tolerance: float, cost: Cost) -> Integrated:
     """The paper's scheme, explicit in time."""
     p, rest = case.parameters, np.zeros(case.size)
     how: dict[str, Any] = {"order": order, "tolerance": tolerance, "speed": FAST_SPEED * p.V_c}
@@ -117,9 +119,7 @@ def explicit_scheme(
     return join_series(pieces), reason
 
 
-def implicit_scheme(
-    case: MassSpring, order: int, tolerance: float, cost: Cost
-) -> tuple[TimePath, PathStopped | None]:
+def implicit_scheme(case: MassSpring, order: int, tolerance: float, cost: Cost) -> Integrated:
     """Backward differences of order 1 and 2, each step a path of its own."""
     p, rest = case.parameters, np.zeros(case.size)
     u, v = find_consistent_state(case.residual, rest, rest, 0.0, tolerance, 0.0)
