@@ -233,8 +233,6 @@ class Run:
         Factorisations and back-substitutions so far.
     end_time : float
         Sum of the stages' durations (s).
-    is_estimated : bool
-        Whether errors are estimated, as of a run that is written.
 
     Raises
     ------
@@ -299,7 +297,6 @@ class Run:
         if self.directory is not None:
             errors = partial(errors_of, self.budget, self.march)
             self.recorder = Recorder(a, self.directory, errors, resumed)
-        self.is_estimated = self.recorder is not None or self.estimates
 
     def forewarnings(self) -> list[str]:
         """Return what the scene alone gives cause for, before anything is solved."""
@@ -403,6 +400,11 @@ class Run:
         with delay_interrupts():
             march.finish(stage, plan)
             self.first_stage += 1
+
+    @property
+    def is_estimated(self) -> bool:
+        """Whether errors are estimated, as of a run that is written."""
+        return self.recorder is not None or self.estimates
 
     def _look_at_errors(self, stage: StageSpec) -> None:
         """Estimate the errors of the present state."""
