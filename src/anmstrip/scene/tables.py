@@ -38,12 +38,9 @@ I_UNIT = 1e-5
 SMALLEST_NUMBER, LARGEST_NUMBER = 1e-30, 1e30
 """Bounds of numbers in a scene, so that no product of a handful of them over- or underflows."""
 
-Number = Annotated[
-    float, Field(strict=True, allow_inf_nan=False, ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)
-]
-Positive = Annotated[
-    float, Field(strict=True, allow_inf_nan=False, ge=SMALLEST_NUMBER, le=LARGEST_NUMBER)
-]
+Finite = Annotated[float, Field(strict=True, allow_inf_nan=False, le=LARGEST_NUMBER)]
+Number = Annotated[Finite, Field(ge=-LARGEST_NUMBER)]
+Positive = Annotated[Finite, Field(ge=SMALLEST_NUMBER)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Integer = Annotated[int, Field(strict=True, ge=1)]
 Count = Annotated[Integer, Field(le=100_000)]

@@ -88,8 +88,7 @@ class Program:
             kind = CompiledExecutor
         else:
             kind = NumpyExecutor
-        block = kind.block
-        self.blocks = max(-(-self.points // block), 1)
+        self.blocks = max(-(-self.points // kind.block), 1)
         self.lanes = -(-self.points // self.blocks)
         code = np.array(tape.code, dtype=np.int64).reshape(-1, 5)
         constants = np.stack(tape.constants or [np.zeros(self.points)])
