@@ -525,7 +525,7 @@ are left, beyond which it is given up: it crawls past a limit point.  Of 328 pat
 that arrive one comes to 4, and the others to 0.3 at most; a furnace beyond its limit has 65."""
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, repr=False)
 class Halved(Assembly):
     """The assembly of a scene on elements of half the length.
 

@@ -193,7 +193,7 @@ BUILT_IN_EFFECTS = ("membrane", "bending", "plasticity", "contact", "friction", 
 """Effects that are asked for by their names when a state is read."""
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, repr=False)
 class Assembly:
     """A scene's strip and what can act on it.
 
@@ -204,9 +204,23 @@ class Assembly:
     imperfection : ndarray, shape (unknowns,), optional
         Displacement of the flat strip that makes no stress, see
         :mod:`anmstrip.simulation.march`.
-
     added : tuple of callables
         Effects of the user's own beside those of the scene, each made from the strip.
+
+    Attributes
+    ----------
+    material : Material
+        Of the strip.
+    kinematics : Kinematics
+        Level of kinematics: the displacements that are unknown.
+    specs : dict
+        Roller → its table in the scene.
+    turning : tuple of str
+        Rollers whose speed is unknown: those that a torque or the strip turns.
+    closed : bool
+        Whether the strip is endless.
+    conveyed : bool
+        Whether the strip has a speed of its own: it is fed, or there are steady stages.
 
     Raises
     ------
@@ -221,7 +235,14 @@ class Assembly:
     """Plastic strains so far made, by whether they grow, and the strip's speed (m/s)."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "scene", with_defaults(self.scene))
+        self.scene = scene = with_defaults(self.scene)
+        m, course = scene.material, scene.threading
+        self.material = Material(m.young, m.poisson, m.density or 0.0, m.expansion or 0.0)
+        self.kinematics = KINEMATICS[scene.strip.kinematics]
+        self.specs = {spec.name: spec for spec in scene.rollers}
+        self.turning = tuple(spec.name for spec in scene.rollers if spec.drive != "speed")
+        self.closed = course is not None and course.closed
+        self.conveyed = bool(scene.strip.feed) or any(stage.steady for stage in scene.stages)
 
     @cached_property
     def origin(self) -> Array:
@@ -265,19 +286,9 @@ class Assembly:
         return tuple(replace(r, sense=carrying_sense(r, self.thread)) for r in rollers)
 
     @cached_property
-    def specs(self) -> dict[str, RollerSpec]:
-        """Roller → its table in the scene."""
-        return {spec.name: spec for spec in self.scene.rollers}
-
-    @cached_property
     def driven(self) -> tuple[Roller, ...]:
         """Rollers whose speed is given: all that do not turn freely."""
         return tuple(roller for roller in self.rollers if roller.name not in self.turning)
-
-    @cached_property
-    def turning(self) -> tuple[str, ...]:
-        """Rollers whose speed is unknown: those that a torque or the strip turns."""
-        return tuple(spec.name for spec in self.scene.rollers if spec.drive != "speed")
 
     @property
     def coupled(self) -> int:
@@ -289,27 +300,6 @@ class Assembly:
         """Number of all unknowns: these, and the plastic strains."""
         strains = self.plastic_strains(grow=False)
         return self.coupled + (0 if strains is None else len(strains.units))
-
-    @property
-    def closed(self) -> bool:
-        """Whether the strip is endless."""
-        return self.scene.threading is not None and self.scene.threading.closed
-
-    @property
-    def conveyed(self) -> bool:
-        """Whether the strip has a speed of its own: it is fed, or there are steady stages."""
-        return bool(self.scene.strip.feed) or any(stage.steady for stage in self.scene.stages)
-
-    @cached_property
-    def material(self) -> Material:
-        """Material of the strip."""
-        m = self.scene.material
-        return Material(m.young, m.poisson, m.density or 0.0, m.expansion or 0.0)
-
-    @property
-    def kinematics(self) -> Kinematics:
-        """Level of kinematics: the displacements that are unknown."""
-        return KINEMATICS[self.scene.strip.kinematics]
 
     @cached_property
     def order(self) -> int:
