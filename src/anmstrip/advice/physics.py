@@ -421,7 +421,7 @@ def pulled_at_both_ends(preview: Preview) -> Iterator[Pulled]:
         before = dict(pulls)
         torques |= {n: c.torque for n, c in stage.rollers.items() if c.torque is not None}
         if stage.gravity is not None:
-            weight = -assembly.material.density * assembly.strip.thickness * stage.gravity[2]
+            weight = -assembly.strip.mass * stage.gravity[2]
         for name in ENDS:
             edge = stage.edges.get(name)
             if edge is None:
@@ -930,7 +930,7 @@ def turn_by_weight(preview: Preview, roller: Roller) -> float:
     The weight of half of both, across the strip, is what the roller bears besides T θ.
     """
     assembly, found = preview.assembly, 0.0
-    mass = assembly.material.density * assembly.strip.thickness / (preview.tension or np.inf)
+    mass = assembly.strip.mass / (preview.tension or np.inf)
     for plan, string in zip(preview.plans, preview.strings, strict=True):
         gravity, path = plan.controls.at(1.0).get("gravity"), string.path
         if gravity is None or path is None or roller.name not in string.turns:
@@ -1159,8 +1159,8 @@ def borne_weight(preview: Preview, roller: Roller) -> float:
     places += [each.centre[0] for each in assembly.rollers if each.centre[2] < 0.0]
     before = max((0.5 * (place + x) for place in places if place < x), default=ends[0])
     behind = min((0.5 * (place + x) for place in places if place > x), default=ends[1])
-    mass = assembly.material.density * assembly.strip.thickness * assembly.strip.width
-    return mass * max(-min(gravity), 0.0) * (behind - before)
+    weight = assembly.strip.mass * assembly.strip.width * max(-min(gravity), 0.0)
+    return weight * (behind - before)
 
 
 def off_one_roller(force: float, load: float) -> float:
@@ -1412,7 +1412,7 @@ def sinking_exit(preview: Preview) -> Iterator[str]:
     if thread is None or given is None or given.exit is None or preview.tension == 0.0:
         return
     gravity = max((-stage.gravity[2] for stage in scene.stages if stage.gravity), default=0.0)
-    weight = preview.assembly.material.density * preview.assembly.strip.thickness * gravity
+    weight = preview.assembly.strip.mass * gravity
     last = thread.rollers[-1]
     run = abs(given.exit[0] - preview.assembly.origin[0] - float(last.centre[0]))
     turn = weight * run / preview.tension
@@ -1461,8 +1461,7 @@ def lifting_pressure(preview: Preview) -> Iterator[str]:
     T/p, which there is none of for p > 2 T/L, and takes p L/2T of the wrap, a run to an end that is
     free across p L/T.  Weight across a run counts against p, or with it.
     """
-    scene, tension = preview.assembly.scene, preview.tension
-    mass = preview.assembly.material.density * preview.assembly.strip.thickness
+    scene, tension, mass = preview.assembly.scene, preview.tension, preview.assembly.strip.mass
     radii = {roller.name: roller.radius for roller in scene.rollers}
     for stage, plan, string in zip(preview.stages, preview.plans, preview.strings, strict=True):
         pressure, path = stage.pressure or 0.0, string.path

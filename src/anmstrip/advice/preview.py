@@ -127,7 +127,7 @@ def string_estimate(course: Course) -> StringEstimate:
     moved by as much turns by that over (4 D/k)^(1/4) or √(T/k), whichever is longer.
     """
     a, values = course.assembly, course.values
-    weight = a.material.density * a.strip.thickness * abs(values.get("gravity", np.zeros(3))[2])
+    weight = a.strip.mass * abs(values.get("gravity", np.zeros(3))[2])
     load = float(weight + abs(values.get("pressure", 0.0)))
 
     tension = largest_force(a.scene) or tension_of_moves(a.scene)

@@ -652,7 +652,7 @@ def heavy_pass(preview: Preview) -> Iterator[str]:
 def weight_of(preview: Preview, plan: StageProblem) -> float:
     """Return the weight of the strip at the end of a stage, per area (Pa)."""
     strip, gravity = preview.assembly.strip, plan.controls.at(1.0).get("gravity", np.zeros(3))
-    return float(np.linalg.norm(gravity)) * strip.material.density * strip.thickness
+    return float(np.linalg.norm(gravity)) * strip.mass
 
 
 # others ------------------------------------------------------------------------------------------

@@ -114,6 +114,8 @@ class Strip:
         Extents along x and y (m).
     depth : float
         Width (m) that is not meshed: that of a section, 1 of a surface.
+    mass : float
+        ρ t, per area (kg/m²).
     tensile_stiffness, membrane_stiffness : float
         E t and E t / (1 − ν²) (N/m).
     bending_stiffness : float
@@ -140,6 +142,7 @@ class Strip:
         self.cell_sizes = np.ptp(mesh.p[:, mesh.t], axis=1)
         self.length, *across = np.ptp(mesh.p, axis=1).tolist()
         self.depth, self.width = (1.0, *across) if across else (width, width)
+        self.mass = material.density * thickness
         self.tensile_stiffness = material.young * thickness
         self.membrane_stiffness = self.tensile_stiffness / (1.0 - material.poisson**2)
         self.bending_stiffness = self.membrane_stiffness * thickness**2 / 12.0

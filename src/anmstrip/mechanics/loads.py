@@ -34,11 +34,9 @@ def edge_force(strip: Strip, name: str) -> LoadEffect:
 
 def weight(strip: Strip) -> LoadEffect:
     """Weight ρ t per area, scaled by the control ``gravity`` (m/s²)."""
-    basis = strip.basis
-    density, weights = strip.material.density * strip.thickness, strip.weights()
-    load = np.zeros(strip.scalars)
+    basis, weights, load = strip.basis, strip.weights(), np.zeros(strip.scalars)
     for dofs, field in zip(basis.element_dofs, basis.basis, strict=True):
-        np.add.at(load, dofs, density * (np.asarray(field[0]) * weights).sum(axis=1))
+        np.add.at(load, dofs, strip.mass * (np.asarray(field[0]) * weights).sum(axis=1))
     return LoadEffect("weight", "gravity", load, strip.kinematics)
 
 
@@ -59,8 +57,7 @@ class GrownWeight(LawEffect):
 
     def law(self, x: Any, v: Any, controls: Values) -> Any:
         """Minus the weight, on the value, (components, 1, points)."""
-        density = self.strip.material.density * self.strip.thickness
-        held = (x[0, 0] * 0.0 + density) * controls["strip.growth"]
+        held = (x[0, 0] * 0.0 + self.strip.mass) * controls["strip.growth"]
         pull = np.einsum("ij,j->i", self.strip.kinematics.chosen, controls["gravity"])
         return np.einsum("i,...->i...", pull * -1.0, held)[:, None]
 

@@ -434,7 +434,7 @@ class StripState:
         strip, gravity = self.plan.model.strip, self.controls.get("gravity", np.zeros(3))
         begin, end = strip.span
         area = np.asarray(length)[..., None] / (end - begin) * strip.areas.sum()
-        return np.asarray(strip.material.density * strip.thickness * area * gravity)
+        return np.asarray(strip.mass * area * gravity)
 
 
 def stations(strip: Strip, x: Array) -> tuple[Array, Index]:
