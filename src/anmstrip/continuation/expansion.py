@@ -376,9 +376,7 @@ def as_quotient(equations: Equations, branch: Branch) -> Branch | None:
         if not np.isfinite(largest):
             return None
         padded = np.vstack([np.zeros((degree, terms.shape[1])), terms])
-        columns = [
-            padded[degree + n - last - j : degree + n - j].ravel() for j in range(degree + 1)
-        ]
+        columns = [padded[degree + n - last - j : degree + n - j].ravel() for j in range(n)]
         damping = DENOMINATOR_DAMPING * largest * np.eye(degree)
         matrix = np.vstack([np.stack(columns[1:], axis=1), damping])
         wanted = -np.concatenate([columns[0], np.zeros(degree)])

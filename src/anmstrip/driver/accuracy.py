@@ -327,13 +327,11 @@ class Accuracy(Sweep):
         heads = ("T, true\n(N/m)", "estimated\n(N/m)", "force, true\n(N)", "estimated\n(N)")
         more = ("position, true\n(m)", "estimated\n(m)", "\nseconds", "\ntangents")
         table = plain_table("Errors and what they cost", "\nalong", "\nvalue", *heads, *more)
+        errors = [f"{of}_{kind}" for kind in ERROR_KINDS for of in ("true", "estimated")]
         for row in self.results():
             value = self.mesh_words(row) if row["along"] == "mesh" else row["value"]
             told = value if isinstance(value, str) else f"{value:.3g}"
-            errors = [
-                row.get(f"{of}_{kind}") for kind in ERROR_KINDS for of in ("true", "estimated")
-            ]
-            cells = [cell(error, ".2g") for error in errors]
+            cells = [cell(row.get(error), ".2g") for error in errors]
             spent = f"{row['seconds']:.2f}" if "seconds" in row else row["status"]
             table.add_row(row["along"], told, *cells, spent, str(row.get("tangents") or "–"))
         return f"{text_of([table], width=110)}\n{self.advice()}"

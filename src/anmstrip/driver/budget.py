@@ -7,7 +7,7 @@ the mesh a scene is made on elements of half the length; its states are taken th
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -34,7 +34,7 @@ from anmstrip.fem.sampling import l2_projection
 from anmstrip.fem.strip import Strip, line, renumbered
 from anmstrip.linalg.direct import SingularTangentError
 from anmstrip.linalg.solvers import SparseSolver
-from anmstrip.mechanics.effects import Controls, Effect
+from anmstrip.mechanics.effects import Controls, Effect, Values
 from anmstrip.results.files import ERROR_WORDS
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import COLUMN_SHARE, TRACKED_MODES, Onset, Span, buckling, free_spans
@@ -609,9 +609,7 @@ class Halved(Assembly):
         functions = powers.reshape(len(parents), -1, len(own))
         return np.einsum("epq,leq->lep", functions, values[:, parents]).ravel()
 
-    def problem(
-        self, state: State, released: Iterable[str], more: Mapping[str, Array]
-    ) -> StageProblem:
+    def problem(self, state: State, released: Iterable[str], more: Values) -> StageProblem:
         """Return the stage of a state on this mesh, with all that is given held as it is there.
 
         Parameters

@@ -328,11 +328,10 @@ def first_speeds(preview: Preview) -> tuple[dict[str, float], bool]:
 
     It does if all do that have a wrap and a speed.
     """
-    rollers, thread = preview.assembly.rollers, preview.assembly.thread
+    thread = preview.assembly.thread
     ends = [plan.controls.at(1.0) for plan in preview.plans]
-    told = {
-        r.name: [float(end[f"rollers.{r.name}.surface_speed"]) for end in ends] for r in rollers
-    }
+    names = [roller.name for roller in preview.assembly.rollers]
+    told = {name: [float(end[f"rollers.{name}.surface_speed"]) for end in ends] for name in names}
     given = {name: speed for name, v in told.items() if (speed := next(filter(None, v), 0.0))}
     driving = [given[name] for name in given if thread is not None and name in thread.turns]
     return given, bool(driving) and max(driving) < 0.0

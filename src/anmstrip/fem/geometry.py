@@ -173,13 +173,10 @@ class Frames:
         if self.inverse is None or self.christoffel is None:
             return [hessian[a, b] for a, b in pairs]
         shape = gradient.shape[1:]
-        inverse, christoffel = (
-            x.reshape(*x.shape[:-1], *shape) for x in (self.inverse, self.christoffel)
-        )
+        inv = self.inverse.reshape(2, 2, *shape)
+        christoffel = self.christoffel.reshape(2, 2, 2, *shape)
         covariant = hessian - np.einsum("cabep,cep->abep", christoffel, gradient)
-        return [
-            np.einsum("aep,bep,abep->ep", inverse[:, i], inverse[:, j], covariant) for i, j in pairs
-        ]
+        return [np.einsum("aep,bep,abep->ep", inv[:, i], inv[:, j], covariant) for i, j in pairs]
 
 
 def reference_surface(function: Callable[[Any, Any], Any]) -> ReferenceSurface:

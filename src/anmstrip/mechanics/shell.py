@@ -53,12 +53,8 @@ def eigenstrain(strip: Strip, controls: Values) -> Any:
         ``None`` if all are missing.
     """
     every = np.eye(strip.kinematics.directions)
-    along = every * every[0]
-    parts = {
-        "strip.temperature": strip.material.expansion * every,
-        "strip.flatness": along,
-        "strip.camber": along,
-    }
+    parts = {"strip.temperature": strip.material.expansion * every}
+    parts |= dict.fromkeys(("strip.flatness", "strip.camber"), every * every[0])
     found = [part[..., None] * controls[key] for key, part in parts.items() if key in controls]
     return green_strain(sum(found[1:], found[0])) if found else None
 
@@ -331,11 +327,9 @@ class KirchhoffLove(LawEffect):
     def __init__(self, strip: Strip, imperfection: Array | None = None) -> None:
         frames = strip.frames()
         self.operator = CellOperator(strip, (1, 2), symmetric=True)
-        self.directions = strip.kinematics.directions
+        self.directions = d = strip.kinematics.directions
         self.stiffness = stiffness(strip)
-        self.powers = (
-            FIRST_DERIVATIVES[: self.directions] + SECOND_DERIVATIVES[: len(self.stiffness)]
-        )
+        self.powers = FIRST_DERIVATIVES[:d] + SECOND_DERIVATIVES[: len(self.stiffness)]
         self.reference = np.concatenate([frames.tangents, frames.seconds], axis=1)
         natural = 0.0 if imperfection is None else self.operator.apply(imperfection)
         self.curvature = self.bent(self.reference + natural)

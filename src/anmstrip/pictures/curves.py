@@ -264,9 +264,8 @@ def draw_layout(
     backwards : bool
         Whether the strip travels from exit to entry.
     """
-    circles = [
-        wheel.centre[:, None] + wheel.radius * np.array([[-1, 1], [-1, 1]]) for wheel in wheels
-    ]
+    square = np.array([[-1, 1], [-1, 1]])
+    circles = [wheel.centre[:, None] + wheel.radius * square for wheel in wheels]
     everything = np.hstack([line, *circles])
     low, high = everything.min(axis=1), everything.max(axis=1)
     room = LINE_MARGIN * float((high - low).max())

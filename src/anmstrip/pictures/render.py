@@ -595,10 +595,8 @@ def draw_side(job: Job, target: Path) -> None:
 
 def add_polygons(axes: Axes, corners: Array, colours: Array, edge: float) -> None:
     """Add polygons (n, 4, 2) in colours (n, 3), edges of a width (points) included."""
-    shapes = list(corners)
-    axes.add_collection(
-        PolyCollection(shapes, facecolors=colours, edgecolors=colours, linewidths=edge)
-    )
+    shapes = PolyCollection(list(corners), facecolors=colours, edgecolors=colours, linewidths=edge)
+    axes.add_collection(shapes)
 
 
 def blank_figure(job: Job, frame: Frame) -> Figure:

@@ -430,9 +430,8 @@ class Collection:
                 files.insert(0, self.path)
             if missing := [file for file in files if not file.exists()]:
                 expected = "the files of the run that is to go on"
-                raise InputError(
-                    [Mistake(str(missing[0]), "", "no such file", expected, START_AFRESH)]
-                )
+                mistake = Mistake(str(missing[0]), "", "no such file", expected, START_AFRESH)
+                raise InputError([mistake])
             self._write(kept)
         self.count, self.last = len(kept), kept[-1].time if kept else None
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -21,7 +21,7 @@ from anmstrip.fem.operators import Pattern
 from anmstrip.fem.sampling import l2_projection, quadrature_points
 from anmstrip.fem.strip import Scales, Strip, Supports
 from anmstrip.linalg.solvers import SparseSolver
-from anmstrip.mechanics.effects import Controls, Effect
+from anmstrip.mechanics.effects import Controls, Effect, Values
 from anmstrip.mechanics.loads import Guide, edge_force
 from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.shell import Membrane, green_strain, uniaxial_stretches
@@ -246,9 +246,7 @@ class Thread:
         outward = np.stack([direction[0], np.zeros(2), direction[1]]) * [-1.0, 1.0]
         return moved[:, 0], moved[:, 1], outward[:, 0], outward[:, 1]
 
-    def guess(
-        self, strip: Strip, pattern: Pattern, natural: Mapping[str, Array] | None = None
-    ) -> Array:
+    def guess(self, strip: Strip, pattern: Pattern, natural: Values | None = None) -> Array:
         """Displacements of the threaded strip before equilibrium, shape (unknowns,).
 
         `natural` are the controls of its heat, flatness and camber.
@@ -276,9 +274,7 @@ class Thread:
         places = np.stack([position[0], reference[1] * across, position[1]])
         return l2_projection(strip, pattern, places - reference)
 
-    def _relaxed(
-        self, strip: Strip, pattern: Pattern, full: Array, natural: Mapping[str, Array]
-    ) -> Array:
+    def _relaxed(self, strip: Strip, pattern: Pattern, full: Array, natural: Values) -> Array:
         """Let a shell slide along its own surface, between entry and exit, to equilibrium."""
         entry, (*_, leaving) = strip.edges["entry"], self.ends_in_space(strip)
         one = entry.values[[len(entry.values) // 2]]

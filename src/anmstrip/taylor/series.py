@@ -144,11 +144,7 @@ class RecordedFunction:
         """Orders about a state; recorded anew for other shapes, or where values decide."""
         program = self.program
         shapes = [np.shape(x) for x in values]
-        if (
-            program is None
-            or not program.reusable
-            or shapes != [variable.shape for variable in program.inputs]
-        ):
+        if program is None or not program.reusable or shapes != [x.shape for x in program.inputs]:
             lengths = {shape[-1] for shape in shapes if shape}
             alike = len(lengths) == 1 and min(lengths) >= FEW_POINTS
             points = lengths.pop() if alike else 1

@@ -256,17 +256,13 @@ class _Integrator:
                         raise
                 else:
                     return self.tried(begin, end, shortest)
-            h, shorter, since = (
-                shorter or max(1.0 / MAX_RETRY_RATIO, min(ratio, 0.9)) * (new - t),
-                0.0,
-                memory,
-            )
+            h = shorter or max(1.0 / MAX_RETRY_RATIO, min(ratio, 0.9)) * (new - t)
+            shorter, since = 0.0, memory
             if turns and not barred and new < end:
                 h, shorter = min(MAX_RETRY_RATIO * (new - t), end - t), h
                 since = replace(memory, v=trial.v)
-            barred = True
             detail = f"the error in time is {error:.2g} times what is allowed"
-            failed = PathStopped(Outcome.STALLED, t, detail, Evidence(motion=local))
+            barred, failed = True, PathStopped(Outcome.STALLED, t, detail, Evidence(motion=local))
         if failed.outcome is Outcome.TOO_MANY_STEPS:
             detail = "even the shortest step in time needs too many tangents"
             raise PathStopped(Outcome.STALLED, t, detail, failed.evidence)

@@ -370,9 +370,7 @@ class FunctionRateEquations(RateEquations):
         V, from which on motion counts as fast; infinite for errors at equal times.
     """
 
-    def __init__(
-        self, function: Callable[[Any, Any, Any], Any], whole: float, speed: float = np.inf
-    ) -> None:
+    def __init__(self, function: Residual, whole: float, speed: float = np.inf) -> None:
         self.function = recorded(function)
         self.whole, self.speed = whole, speed
         self.latest: tuple[Array, AffineVelocity] | None = None
