@@ -286,11 +286,9 @@ class Equilibrium:
     def resistance(self, u: Array, control: float) -> Callable[[Array], Array]:
         """∂R/∂v at a state, applied to changes of the free unknowns' velocity."""
         full, velocity = self.supports.full(u, control), self.full_velocity(u, control)
-        parts = [
-            series_of(effect, 1, (full, velocity, control), self.controls, self.model.laws)
-            for effect in self.model.effects
-            if effect.rate_dependent
-        ]
+        given = (full, velocity, control), self.controls, self.model.laws
+        effects = (effect for effect in self.model.effects if effect.rate_dependent)
+        parts = [series_of(effect, 1, *given) for effect in effects]
         still = np.zeros_like(full)
 
         def applied(change: Array) -> Array:
@@ -387,12 +385,9 @@ class EquilibriumSeries:
     def __init__(self, equations: Equilibrium, u: Array, control: float, order: int) -> None:
         self.equations, self.model = equations, equations.model
         self.free = equations.supports.free
-        full = equations.supports.full(u, control)
-        velocity = equations.full_velocity(u, control)
-        self.parts = [
-            series_of(effect, order, (full, velocity, control), equations.controls, self.model.laws)
-            for effect in self.model.effects
-        ]
+        at = equations.supports.full(u, control), equations.full_velocity(u, control), control
+        given = at, equations.controls, self.model.laws
+        self.parts = [series_of(effect, order, *given) for effect in self.model.effects]
         self.residual = self._summed(lambda part: part.residual())
         self.curved = [part for part in self.parts if part.curved]
 

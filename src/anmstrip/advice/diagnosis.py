@@ -93,10 +93,8 @@ def place_of(nodes: Array, state: State, threaded: bool) -> str:
         names = "".join("xyz"[component] for component in strip.kinematics.components)
         point = (strip.nodes[:, nodes] + moved).mean(axis=1) + strip.origin
         point = point[list(strip.kinematics.components)]
-    return ", ".join(
-        f"{n} = {v + 0.0:.4g} m"
-        for n, v in zip(names, np.round(point, PLACE_DECIMALS), strict=False)
-    )
+    places = zip(names, np.round(point, PLACE_DECIMALS), strict=False)
+    return ", ".join(f"{name} = {x + 0.0:.4g} m" for name, x in places)
 
 
 def locate(evidence: Evidence, state: State, threaded: bool) -> Location | None:

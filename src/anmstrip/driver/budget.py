@@ -589,10 +589,8 @@ class Halved(Assembly):
         Shapes (functions of one element, elements, points) and (functions of one, elements).
         """
         basis, (parents, local) = self.coarse.strip.basis, self.children
-        fields = [
-            np.asarray(basis.elem.gbasis(basis.mapping, local, number, tind=parents)[0])
-            for number in range(basis.Nbfun)
-        ]
+        elem, at = basis.elem, (basis.mapping, local)
+        fields = [np.asarray(elem.gbasis(*at, i, tind=parents)[0]) for i in range(basis.Nbfun)]
         return np.array(fields), basis.element_dofs[:, parents]
 
     def inherited_flow(self, full: Array) -> Array:

@@ -144,13 +144,9 @@ class Frames:
         christoffel = np.einsum("cdp,idp,iabp->cabp", contravariant, first, second)
         covariant = second - np.einsum("cabp,icp->iabp", christoffel, first)
         seconds = np.einsum("aip,bjp,cabp->cijp", inverse, inverse, covariant)
-        return cls(
-            np.einsum("aip,cap->cip", inverse, first),
-            np.stack([seconds[:, a, b] for a, b in DERIVATIVE_PAIRS[2]], axis=1),
-            np.sqrt(np.linalg.det(metric)),
-            inverse,
-            christoffel,
-        )
+        tangents = np.einsum("aip,cap->cip", inverse, first)
+        seconds = np.stack([seconds[:, a, b] for a, b in DERIVATIVE_PAIRS[2]], axis=1)
+        return cls(tangents, seconds, np.sqrt(np.linalg.det(metric)), inverse, christoffel)
 
     def covector(self, normal: Array) -> Array:
         """Normal of an edge in the plane, (directions, elements, points of one), as c_α.
@@ -195,12 +191,9 @@ def reference_surface(function: Callable[[Any, Any], Any]) -> ReferenceSurface:
     """
 
     def jet(points: Array) -> Jet:
-        along, across, both = (
-            taylor_series(
-                function, *([p, d + 0.0 * p, 0.0 * p] for p, d in zip(points, way, strict=True))
-            )
-            for way in ((1, 0), (0, 1), (1, 1))
-        )
+        (x, y), zero = points, np.zeros_like(points[0])
+        ways = [([x, dx + zero, zero], [y, dy + zero, zero]) for dx, dy in ((1, 0), (0, 1), (1, 1))]
+        along, across, both = (taylor_series(function, *way) for way in ways)
         mixed = both[2] - along[2] - across[2]
         seconds = np.stack([[2.0 * along[2], mixed], [mixed, 2.0 * across[2]]])
         tangents = np.stack([along[1], across[1]], axis=1)

@@ -138,12 +138,8 @@ class Bordered:
         """The matrix of the entries d_i K_ij d_j."""
         n, inner = self.inner.shape[0], copy(self.inner)
         inner.data = inner.data * d[inner.indices] * np.repeat(d[:n], np.diff(inner.indptr))
-        return Bordered(
-            inner,
-            d[:n, None] * self.columns * d[n:],
-            d[n:, None] * self.rows * d[:n],
-            d[n:, None] * self.corner * d[n:],
-        )
+        columns, rows = d[:n, None] * self.columns * d[n:], d[n:, None] * self.rows * d[:n]
+        return Bordered(inner, columns, rows, d[n:, None] * self.corner * d[n:])
 
     def _eliminated(self, inner: Factors) -> tuple[Solve, Array]:
         """Solver by the Schur complement S = D − C A⁻¹ B, and this.

@@ -178,11 +178,9 @@ class Plasticity(LawEffect):
     def resultants(self, x: Any, controls: Values) -> tuple[Any, Any]:
         """Return what ε_p adds to N (N/m) and to M (N) against n · r,ab, (pairs, points)."""
         strains, layers = self.internal(x)[: len(self.twice)], self.layers
-        first = layers.weights * layers.heights
-        force, moment = (
-            np.einsum("kl,l...->k...", self.moduli, np.einsum("l,kl...->k...", weights, strains))
-            for weights in (-layers.weights, first)
-        )
+        weights = -layers.weights, layers.weights * layers.heights
+        summed = (np.einsum("l,kl...->k...", each, strains) for each in weights)
+        force, moment = (np.einsum("kl,l...->k...", self.moduli, each) for each in summed)
         return weaken(force, controls), weaken(moment, controls)
 
     def tensor(self, force: Any) -> Any:

@@ -93,10 +93,8 @@ def uneven_tension(strip: Strip, edge: str, controls: Values) -> Array | None:
     near = near[np.argsort(y[near])]
     basis = strip.edge_basis(edge)
     at, lengths = np.asarray(basis.global_coordinates())[1].ravel(), np.asarray(basis.dx).ravel()
-    e, share = (
-        np.interp(at, y[near], np.broadcast_to(values, y.shape)[near])
-        for values in (own[0, 0], weaken(np.ones(len(y)), controls))
-    )
+    fields = own[0, 0], weaken(np.ones(len(y)), controls)
+    e, share = (np.interp(at, y[near], np.broadcast_to(f, y.shape)[near]) for f in fields)
     even = np.vander(at - at.mean(), 2)
     normal = even.T * (share * lengths)
     excess = even @ np.linalg.solve(normal @ even, normal @ e) - e

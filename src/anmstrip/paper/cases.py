@@ -123,15 +123,11 @@ def implicit_scheme(case: MassSpring, order: int, tolerance: float, cost: Cost) 
     """Backward differences of order 1 and 2, each step a path of its own."""
     p, rest = case.parameters, np.zeros(case.size)
     u, v = find_consistent_state(case.residual, rest, rest, 0.0, tolerance, 0.0)
-    steps = integrate(
-        FunctionRateEquations(case.residual, p.t_end, p.V_c),
-        start_memory(0.0, u, v, FIRST_STEP_SHARE * p.t_end),
-        p.t_end,
-        solver=DenseSolver(),
-        settings=Settings(order, Tolerances(tolerance).time_residual, MAX_CASE_STEPS),
-        stepping=Stepping(p.t_end, tolerance),
-        cost=cost,
-    )
+    equations = FunctionRateEquations(case.residual, p.t_end, p.V_c)
+    begin = start_memory(0.0, u, v, FIRST_STEP_SHARE * p.t_end)
+    settings = Settings(order, Tolerances(tolerance).time_residual, MAX_CASE_STEPS)
+    how: dict[str, Any] = {"solver": DenseSolver(), "settings": settings, "cost": cost}
+    steps = integrate(equations, begin, p.t_end, stepping=Stepping(p.t_end, tolerance), **how)
     taken, reason = collect_steps(steps)
     return join_steps(u, v, taken, tolerance, p.V_c), reason
 
@@ -463,10 +459,8 @@ def distances(
         Difference at equal times (m) up to which the curve is not looked at.
     """
     equal = np.abs(u - reference(times)).max(axis=1)
-    along = [
-        reference.distance(t, x, speed) if e > seen else e
-        for t, x, e in zip(times, u, equal, strict=True)
-    ]
+    states = zip(times, u, equal, strict=True)
+    along = [reference.distance(t, x, speed) if e > seen else e for t, x, e in states]
     return float(max(along)), float(equal.max())
 
 

@@ -121,14 +121,8 @@ def render(
             draw_in_space(every)
             with atomic_write(folder / "movie.gif") as temporary:
                 first, *others = [quantize(frame.picture) for frame in every.frames]
-                first.save(
-                    temporary,
-                    format="GIF",
-                    save_all=True,
-                    append_images=others,
-                    duration=FRAME_MILLISECONDS,
-                    loop=0,
-                )
+                pace = {"duration": FRAME_MILLISECONDS, "loop": 0}
+                first.save(temporary, "GIF", save_all=True, append_images=others, **pace)
             pictures.append(folder / "movie.gif")
     return pictures
 
@@ -508,16 +502,9 @@ def add_strip(plotter: pyvista.Plotter, job: Job, frame: Frame) -> None:
     surface = pyvista.wrap(merged.GetOutput())
     nearer = STRIP_SHIFT * job.eye.half_height * job.eye.axes[2]
     surface.translate(nearer, inplace=True)
-    plotter.add_mesh(
-        surface,
-        scalars=label,
-        cmap=job.colours,
-        clim=list(limits),
-        nan_color=NO_VALUE,
-        specular=0.1,
-        scalar_bar_args={"title": label + "\n", "n_labels": job.labels, **SCALAR_BAR},
-        **SHADING,
-    )
+    bar = {"title": label + "\n", "n_labels": job.labels, **SCALAR_BAR}
+    looks = {"clim": list(limits), "nan_color": NO_VALUE, "specular": 0.1, **SHADING}
+    plotter.add_mesh(surface, scalars=label, cmap=job.colours, scalar_bar_args=bar, **looks)
     outline = surface.extract_feature_edges(feature_edges=False, manifold_edges=False)
     outline.translate(0.2 * nearer, inplace=True)
     plotter.add_mesh(outline, color=OUTLINE, line_width=2.0, lighting=False)
@@ -605,13 +592,9 @@ def blank_figure(job: Job, frame: Frame) -> Figure:
     figure = Figure(figsize=inches, dpi=DOTS_PER_INCH, facecolor="white")
     figure.text(0.017, 0.945, f"t = {frame.time:.4g} s", fontsize=14)
     label, _, limits = job.scale
-    bar = figure.colorbar(
-        ScalarMappable(Normalize(*limits), job.colours),
-        cax=figure.add_axes((0.62, 0.845, 0.34, 0.04)),
-        orientation="horizontal",
-        ticks=np.linspace(*limits, job.labels),
-        format="%.3g",
-    )
+    colours = ScalarMappable(Normalize(*limits), job.colours)
+    place, ticks = figure.add_axes((0.62, 0.845, 0.34, 0.04)), np.linspace(*limits, job.labels)
+    bar = figure.colorbar(colours, cax=place, orientation="horizontal", ticks=ticks, format="%.3g")
     bar.outline.set_visible(False)
     bar.ax.xaxis.tick_top()
     bar.ax.tick_params(length=0, labelsize=12)

@@ -212,10 +212,8 @@ def written_profiles(path: Path) -> list[dict[str, Any]]:
         times = np.array([float(line.partition(",")[0]) for line in lines])
     instants = np.unique(times)
     shown = instants[spread_places(len(instants), MAX_TIMES)]
-    parts = [
-        rows[spread_places(len(rows), MAX_STATIONS)]
-        for rows in map(np.flatnonzero, times == shown[:, None])
-    ]
+    stations = (np.flatnonzero(times == time) for time in shown)
+    parts = [rows[spread_places(len(rows), MAX_STATIONS)] for rows in stations]
     table = read_history(path, set(np.concatenate([np.zeros(0, dtype=int), *parts]).tolist()))
     table.pop("time", None)
     begin, found = 0, []
@@ -281,10 +279,8 @@ def html_tables(summary: Mapping[str, Any]) -> Iterable[str]:
         title = "Sharpest bends, and the curl and crossbow of unloaded strip behind the roller"
         yield rows_by_roller(title, bends, BEND_TABLE)
     if edges := summary.get("edges"):
-        rows = (
-            [name, format_number(e["tension"]), *map(format_number, e["force"])]
-            for name, e in edges.items()
-        )
+        ends = ((name, e["tension"], *e["force"]) for name, e in edges.items())
+        rows = ([name, *map(format_number, values)] for name, *values in ends)
         yield html_table("Ends", ["end", "tension (N/m)", "force x (N)", "y (N)", "z (N)"], rows)
     if errors := summary.get("errors"):
         heads = ["of", "tension (N/m)", "roller's force (N)", "position (m)"]

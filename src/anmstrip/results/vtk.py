@@ -375,10 +375,8 @@ def write_rollers(
     surfaces = [roller_surface(roller, 1.2 * width, angle) for roller, angle in pairs]
     count = np.cumsum([0, *(len(surface.points) for surface in surfaces)])
     cells = [surface.cells + count[k] for k, surface in enumerate(surfaces)]
-    fields = {
-        **{n: np.concatenate([s.fields[n] for s in surfaces]) for n in surfaces[0].fields},
-        "roller": np.repeat(np.arange(len(surfaces)), np.diff(count)),
-    }
+    fields = {n: np.concatenate([s.fields[n] for s in surfaces]) for n in surfaces[0].fields}
+    fields["roller"] = np.repeat(np.arange(len(surfaces)), np.diff(count))
     points = np.concatenate([surface.points for surface in surfaces])
     write_surface(path, points, np.concatenate(cells), fields)
 

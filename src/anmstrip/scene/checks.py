@@ -113,10 +113,8 @@ def known_edges(strip: StripSpec, edges: Edges, stages: Stages) -> Mistakes:
         return
     known = ENDS if strip.kinematics == "section" else EDGE_NAMES
     given = [(f"edges.{name}", name, "the name of an edge", known) for name in edges]
-    given += [
-        (key, name, "a known key or the name of an edge", (*known, *STAGE_KEYS))
-        for key, name, _ in edge_controls(stages)
-    ]
+    wanted = "a known key or the name of an edge", (*known, *STAGE_KEYS)
+    given += [(key, name, *wanted) for key, name, _ in edge_controls(stages)]
     for key, name, expected, words in given:
         if name in EDGE_NAMES and name not in known:
             sides = 'entry or exit: a "section" has no width, hence no sides'

@@ -170,10 +170,9 @@ def thermal_growth(scene: SceneSpec, given: FieldSpec, places: Array) -> Array:
     places : ndarray, shape (places,)
         Distances from the entry (m).
     """
-    before, after = (
-        1.0 + (scene.material.expansion or 0.0) * field.means(places)
-        for field in (scene.strip.temperature or FieldSpec(across=(0.0,)), given)
-    )
+    fields = scene.strip.temperature or FieldSpec(across=(0.0,)), given
+    expansion = scene.material.expansion or 0.0
+    before, after = (1.0 + expansion * field.means(places) for field in fields)
     return np.asarray(before / after - 1.0) * np.ones_like(places)
 
 

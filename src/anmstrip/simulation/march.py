@@ -323,12 +323,9 @@ class March:
         ------
         PathStopped
         """
-        settings = Settings(
-            order=self.assembly.order,
-            tolerance=self.tolerances.time_residual if plan.in_time else self.tolerances.path,
-            max_steps=steps,
-            rational=not self.scene.output.events,  # events are roots of polynomials
-        )
+        tolerance = self.tolerances.time_residual if plan.in_time else self.tolerances.path
+        rational = not self.scene.output.events  # events are roots of polynomials
+        settings = Settings(self.assembly.order, tolerance, steps, rational=rational)
         if plan.in_time:
             yield from self._in_time(plan, settings)
         else:

@@ -790,17 +790,14 @@ def loads_in_stages(scene: SceneSpec, *after: StageSpec) -> Iterator[Loads]:
     pulls: dict[str, float | None] = {"exit": scene.threading.tension, "entry": None}
     mass = (scene.material.density or 0.0) * scene.strip.thickness
     stiffness = scene.material.young * scene.strip.thickness
+    free, width = [r for r in scene.rollers if r.drive != "speed"], scene.strip.width
     weight, torques = 0.0, dict[str, float]()
     for stage in (*scene.stages, *after):
         if stage.gravity is not None:
             weight = -mass * stage.gravity[2]
         pulls |= {name: pull for name, pull in edge_pulls(stage) if name in pulls}
         torques |= {n: c.torque for n, c in stage.rollers.items() if c.torque is not None}
-        gains = {
-            r.name: (r.bearing - torques.get(r.name, 0.0)) / (r.radius * scene.strip.width)
-            for r in scene.rollers
-            if r.drive != "speed"
-        }
+        gains = {r.name: (r.bearing - torques.get(r.name, 0.0)) / (r.radius * width) for r in free}
         yield Loads(stiffness, weight, pulls["exit"] or 0.0, pulls["entry"], gains)
 
 

@@ -969,10 +969,8 @@ def words_of(error: BaseException) -> str:
 def _rubs(law: Any, points: Array) -> tuple[tuple[int, ...] | None, bool]:
     """Return the shape of a law's friction if it is wrong, and whether its values are right."""
     slip, ones = law.speed * np.stack([points, 0.0 * points, points[::-1]]), np.ones(4)
-    found, twice = (
-        np.asarray(each(ones, slip), dtype=float)
-        for each in (law, replace(law, coefficient=2.0 * law.coefficient))
-    )
+    laws = law, replace(law, coefficient=2.0 * law.coefficient)
+    found, twice = (np.asarray(each(ones, slip), dtype=float) for each in laws)
     if found.shape != slip.shape:
         return found.shape, False
     record(law, ones, slip)

@@ -451,11 +451,9 @@ class _Integrator:
         if memory.available == 1 or trial.turned <= tolerance:
             answer = self.answer(trial.resistance(trial.rate * local))
         spreading = self.answer(trial.resistance_in_tangent(trial.rate * local))
-        fading = max(
-            self.equations.error(trial.u, local),
-            *(self.equations.fading_error(trial.u, each) for each in (answer, spreading)),
-        )
-        found = max(self.equations.error(trial.u, answer) / share, fading) / tolerance
+        fading = [self.equations.fading_error(trial.u, each) for each in (answer, spreading)]
+        fading.append(self.equations.error(trial.u, local))
+        found = max(self.equations.error(trial.u, answer) / share, *fading) / tolerance
         if memory.available > 1 or self.stepping.fixed is not None or found > 1.0:
             return found
         if self.equations.fading_error(trial.u, local) > tolerance:  # else no answer is larger
