@@ -93,9 +93,8 @@ class StationaryTangent:
         effect = part.effect
         if not isinstance(effect, LawEffect):
             return part
-        controls = self.equations.controls
-        at = self.state.full, None, self.state.control
-        return LawSeries(effect, 1, at, controls, self.model.laws.of(effect, at, controls))
+        at = (self.state.full, None, self.state.control), self.equations.controls
+        return LawSeries(self.model.laws.of(effect, *at), 1, *at)
 
     @cached_property
     def factors(self) -> Factors:

@@ -304,24 +304,19 @@ class RecordedLaw:
     Parameters
     ----------
     effect : LawEffect
-    kinematic : list of ndarray
-        x, and v if the law depends on it.
-    control : float
+    state : tuple
+        All unknowns, their velocities, and λ, whose values count where the law decides by them.
     controls : Controls
     laws : RecordedLaws
         Those of the model.
     """
 
     def __init__(
-        self,
-        effect: LawEffect,
-        kinematic: list[Array],
-        control: float,
-        controls: Controls,
-        laws: RecordedLaws,
+        self, effect: LawEffect, state: State, controls: Controls, laws: RecordedLaws
     ) -> None:
         self.effect, self.laws = effect, laws
-        values, slope = controls.at(control), controls.slope
+        values, slope = controls.at(state[2]), controls.slope
+        kinematic = [effect.operator.apply(x) for x in motions_of(effect, state)]
 
         def law(x: Series, v: Series | None = None) -> Any:
             self.asked = AskedControls(x.tape, values, slope)
@@ -425,8 +420,7 @@ class RecordedLaws:
         if (law := self.known(effect, state, controls)) is not None:
             return law
         latest = self.latest[effect.name]
-        kinematic = [effect.operator.apply(x) for x in motions_of(effect, state)]
-        latest.insert(0, RecordedLaw(effect, kinematic, state[2], controls, self))
+        latest.insert(0, RecordedLaw(effect, state, controls, self))
         del latest[CACHE_SIZE:]
         return latest[0]
 
@@ -460,12 +454,10 @@ class LawSeries(EffectSeries):
 
     curved = True
 
-    def __init__(
-        self, effect: LawEffect, order: int, state: State, controls: Controls, law: RecordedLaw
-    ) -> None:
-        self.effect: LawEffect = effect
-        self.operator, moving = effect.operator, law.asked.moving
-        kinematic = [self.operator.apply(x) for x in motions_of(effect, state)]
+    def __init__(self, law: RecordedLaw, order: int, state: State, controls: Controls) -> None:
+        self.effect: LawEffect = law.effect
+        self.operator, moving = law.effect.operator, law.asked.moving
+        kinematic = [self.operator.apply(x) for x in motions_of(law.effect, state)]
         self.in_rate = len(kinematic) > 1
         self.slopes = [controls.slope.get(name) for name in moving]
         values = controls.at(state[2])
@@ -512,12 +504,10 @@ class CompiledSeries(EffectSeries):
 
     curved = True
 
-    def __init__(
-        self, effect: LawEffect, order: int, state: State, controls: Controls, law: RecordedLaw
-    ) -> None:
+    def __init__(self, law: RecordedLaw, order: int, state: State, controls: Controls) -> None:
         assert law.compiled is not None
-        self.effect: LawEffect = effect
-        self.operator = effect.operator
+        self.effect: LawEffect = law.effect
+        self.operator = law.effect.operator
         self.laws, self.law, program = law.laws, law.compiled, law.program
         self.slopes = [controls.rate(name) for name in law.asked.moving]
         self.w = np.empty((program.blocks, program.kept, max(order, 1) + 1, program.lanes))
@@ -583,7 +573,7 @@ def series_of(
     near = effect.near(full, controls.at(control))
     law = laws.of(near, state, controls)
     kind = LawSeries if law.compiled is None else CompiledSeries
-    return kind(near, order, state, controls, law)
+    return kind(law, order, state, controls)
 
 
 def add_force(
