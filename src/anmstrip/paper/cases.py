@@ -100,9 +100,8 @@ def solve_case(case: MassSpring, scheme: str, *, order: int, tolerance: float) -
         reasons.append(reason)
         return path
 
-    found = integrate_controlled(
-        run, case.residual, tolerance, speed=FAST_SPEED * case.parameters.V_c
-    )
+    speed = FAST_SPEED * case.parameters.V_c
+    found = integrate_controlled(run, case.residual, tolerance, speed=speed)
     return CaseSolution(**vars(found), cost=cost, stopped=reasons[-1])
 
 

@@ -127,9 +127,8 @@ def free_spans(state: State) -> Iterator[Span]:
         place = before, after, float(start), float(end)
         q = np.pi / float(np.diff(state.unstressed_length(np.array([start, end])))[0])
         within = (start <= positions) & (positions <= end)
-        inside = within & far_from_supports(
-            state, COMPRESSED_SHARE * bearable_compression(d, q, model.scales.tension)
-        )
+        least = COMPRESSED_SHARE * bearable_compression(d, q, model.scales.tension)
+        inside = within & far_from_supports(state, least)
         if not inside.any():
             yield Span(*place, 0.0, 0.0, np.inf, 0.0, inside)
             continue

@@ -126,20 +126,12 @@ def integrate(
     raise PathStopped(Outcome.TOO_MANY_STEPS, begin)
 
 
-def settle(
-    equations: RateEquations,
-    memory: Memory,
-    *,
-    solver: LinearSolver,
-    settings: Settings,
-    stepping: Stepping,
-    cost: Cost,
-) -> Memory:
+def settle(equations: RateEquations, memory: Memory, *, solver: LinearSolver, **how: Any) -> Memory:
     """Return the memory after the first instant, in equilibrium and with the velocity there.
 
     Parameters are those of :func:`integrate`; where no such state is found, the memory is as given.
     """
-    integrator = _Integrator(equations, Remembering(solver), settings, stepping, cost)
+    integrator = _Integrator(equations, Remembering(solver), **how)
     return replace(integrator.settled(memory), settled=True)
 
 
