@@ -530,23 +530,8 @@ def asked_too_much(failure: Failure) -> str:
 
 
 CAUSES: tuple[Callable[[Failure], str | None], ...] = (
-    too_many_steps,
-    too_large,
-    slides_away,
-    turns_through,
-    not_held,
-    squeezed,
-    forewarned,
-    stiff_strip,
-    profiled,
-    slack,
-    round_off,
-    free_motion,
-    sharp_contact,
-    stiff_friction,
-    low_order,
-    nothing_grips,
-    coarse,
-    asked_too_much,
-)
+    too_many_steps, too_large, slides_away, turns_through, not_held, squeezed, forewarned,
+    stiff_strip, profiled, slack, round_off, free_motion, sharp_contact, stiff_friction,
+    low_order, nothing_grips, coarse, asked_too_much,
+)  # fmt: skip
 """Likely causes, the surest first; the last one always has words."""

@@ -1539,22 +1539,8 @@ def side_of_return(preview: Preview) -> Iterator[str]:
 
 
 PHYSICS_RULES = (
-    side_of_return,
-    lifting_pressure,
-    lifted_off_by_pressure,
-    sinking_exit,
-    turning_pull,
-    nip_forces,
-    heavy_bearings,
-    slack_edge,
-    uneven_fibres,
-    loose_fibres,
-    untouched_roller,
-    sideways_entry,
-    beyond_yield,
-    stretched_beyond_yield,
-    gravity_upwards,
-    unequal_speeds,
-    opposed_nip,
-    standing_rollers,
-)
+    side_of_return, lifting_pressure, lifted_off_by_pressure, sinking_exit, turning_pull,
+    nip_forces, heavy_bearings, slack_edge, uneven_fibres, loose_fibres, untouched_roller,
+    sideways_entry, beyond_yield, stretched_beyond_yield, gravity_upwards, unequal_speeds,
+    opposed_nip, standing_rollers,
+)  # fmt: skip

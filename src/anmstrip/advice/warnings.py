@@ -863,49 +863,21 @@ def needless_shell(preview: Preview) -> Iterator[str]:
 
 
 SERIOUS_RULES = (
-    physics.roller_in_the_way,
-    physics.roller_beyond_strip,
-    physics.meeting_rollers,
-    physics.turned_axis,
-    physics.roller_over_an_end,
-    physics.rollers_without_friction,
-    sharp_roller,
-    soft_contact,
-    onset_near_round_off,
-    slack_start,
-    unheld_strip,
-    released_strip,
-    physics.beyond_capacity,
-    physics.torque_beyond_friction,
-    physics.strip_without_tension,
-    physics.slack_by_heat,
-    physics.strip_runs_out,
-    slack_end,
-    heavy_strip,
-    heavy_pass,
+    physics.roller_in_the_way, physics.roller_beyond_strip, physics.meeting_rollers,
+    physics.turned_axis, physics.roller_over_an_end, physics.rollers_without_friction,
+    sharp_roller, soft_contact, onset_near_round_off, slack_start, unheld_strip, released_strip,
+    physics.beyond_capacity, physics.torque_beyond_friction, physics.strip_without_tension,
+    physics.slack_by_heat, physics.strip_runs_out, slack_end, heavy_strip, heavy_pass,
     strict_tolerance,
-)
+)  # fmt: skip
 OTHER_RULES = (
-    free_motions,
-    coarse_mesh,
-    coarse_hinges,
-    slipping_friction,
-    rates_of_labels,
-    needless_shell,
-    pulled_twice,
-    *physics.PHYSICS_RULES,
-)
+    free_motions, coarse_mesh, coarse_hinges, slipping_friction, rates_of_labels,
+    needless_shell, pulled_twice, *physics.PHYSICS_RULES,
+)  # fmt: skip
 RULES_AT_END = (
-    lifted_off,
-    undriven,
-    standing_idlers,
-    unbalanced_idlers,
-    spinning_rollers,
-    overstretched,
-    held_across,
-    buckled_section,
-    unresolved_waves,
-)
+    lifted_off, undriven, standing_idlers, unbalanced_idlers, spinning_rollers, overstretched,
+    held_across, buckled_section, unresolved_waves,
+)  # fmt: skip
 
 
 def propose_one_mesh(told: Sequence[str]) -> list[str]:
