@@ -28,12 +28,7 @@ from anmstrip.mechanics.string_path import (
 )
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, EdgeSpec
-from anmstrip.simulation.defaults import (
-    bending_stiffness,
-    held_ends,
-    largest_force,
-    tension_of_moves,
-)
+from anmstrip.simulation import defaults
 from anmstrip.simulation.meshing import axis_crossing
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course, uniform_stretch
@@ -75,7 +70,7 @@ class Preview:
     @property
     def tension(self) -> float:
         """Largest force of the scene (N/m)."""
-        return largest_force(self.assembly.scene)
+        return defaults.largest_force(self.assembly.scene)
 
     @property
     def steepest(self) -> StringEstimate:
@@ -130,10 +125,10 @@ def string_estimate(course: Course) -> StringEstimate:
     weight = a.strip.mass * abs(values.get("gravity", np.zeros(3))[2])
     load = float(weight + abs(values.get("pressure", 0.0)))
 
-    tension = largest_force(a.scene) or tension_of_moves(a.scene)
-    held = len(held_ends(a.scene)) == len(ENDS)
+    tension = defaults.largest_force(a.scene) or defaults.tension_of_moves(a.scene)
+    held = len(defaults.held_ends(a.scene)) == len(ENDS)
     stretches = held * a.scene.material.young * a.strip.thickness
-    k, bends = a.scene.strip.foundation or 0.0, bending_stiffness(a.scene)
+    k, bends = a.scene.strip.foundation or 0.0, defaults.bending_stiffness(a.scene)
     reach = max((4.0 * bends / k) ** 0.25, np.sqrt(tension / k), 1e-300) if k else np.inf
 
     def sag(span: float) -> float:
@@ -351,7 +346,7 @@ def flat_states(
     )
     if first:
         bends = assembly.scene.strip.bending
-        drawn = tension_of_moves(assembly.scene) if bends else assembly.scales.tension
+        drawn = defaults.tension_of_moves(assembly.scene) if bends else assembly.scales.tension
         tension = max(along + pulls) or min(most, drawn)
         yield plan, uniform_stretch(assembly, tension, end)
         return

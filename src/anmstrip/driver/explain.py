@@ -22,15 +22,7 @@ from anmstrip.results.files import error_rows
 from anmstrip.scene.checks import held_along, moved_ends
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, FieldSpec
-from anmstrip.simulation.defaults import (
-    CREEP_SHARE,
-    elastic_creep,
-    free_across,
-    given_tensions,
-    guides_strip,
-    loose_across,
-    slip_of_held_strip,
-)
+from anmstrip.simulation import defaults
 from anmstrip.simulation.problem import Assembly, flat_gap, naturals
 from anmstrip.taylor.series import record
 
@@ -103,11 +95,11 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
         f"{strip.unknowns} unknowns, kinematics {scene.strip.kinematics}"
         f"{fed}."
     )
-    if loose_across(scene):
+    if defaults.loose_across(scene):
         yield "Nothing else holds the strip in y: the middle of the entry is (edges.entry.centred)."
-    elif free_across(scene):
+    elif defaults.free_across(scene):
         width = scene.strip.width
-        guides = [roller.name for roller in scene.rollers if guides_strip(roller, width)]
+        guides = [roller.name for roller in scene.rollers if defaults.guides_strip(roller, width)]
         shape = f" and the shape of {', '.join(map(str, guides))} alone keep" if guides else ""
         yield f"No edge is held in y: friction{shape or ' alone keeps'} the strip on its rollers."
     if assembly.growth is not None:
@@ -171,11 +163,11 @@ def rate_lines(scene: SceneSpec, assembly: Assembly) -> Iterator[str]:
 
 def origin_of_slip_speed(scene: SceneSpec, speed: float) -> str:
     """Return where the V_c (m/s) of a scene that does not give it comes from."""
-    creep = elastic_creep(scene)
-    if speed > 1.01 * CREEP_SHARE * creep:
-        slip = slip_of_held_strip(scene)
+    creep = defaults.elastic_creep(scene)
+    if speed > 1.01 * defaults.CREEP_SHARE * creep:
+        slip = defaults.slip_of_held_strip(scene)
         return f"a thousandth of the {slip:.2g} m/s at which the held strip comes to slip"
-    under = "" if any(given_tensions(scene)) else " under a usual strain"
+    under = "" if any(defaults.given_tensions(scene)) else " under a usual strain"
     return f"a tenth of the elastic creep of {creep:.2g} m/s{under}"
 
 

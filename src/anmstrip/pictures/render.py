@@ -32,18 +32,8 @@ from PIL import Image
 from anmstrip.arrays import Array, Index
 from anmstrip.errors import InputError, Mistake
 from anmstrip.pictures.report import spread_places
+from anmstrip.results import vtk
 from anmstrip.results.files import atomic_write
-from anmstrip.results.vtk import (
-    FIELDS,
-    TENSOR_COMPONENTS,
-    Field,
-    SurfaceMesh,
-    read_collection,
-    read_surface,
-    scalars,
-    sector_tones,
-    subdivide,
-)
 
 if TYPE_CHECKING:
     import pyvista
@@ -133,18 +123,18 @@ def list_states(folder: Path) -> list[State]:
     if not contents.is_file():
         found = "nothing of that name" if folder.exists() else "no such directory"
         raise refuse_results(contents, found)
-    entries = read_collection(contents)
+    entries = vtk.read_collection(contents)
     if not entries:
         raise refuse_results(contents, "no states in it")
-    rollers = read_collection(folder / "rollers.pvd")
+    rollers = vtk.read_collection(folder / "rollers.pvd")
     files = {entry.time: (folder / entry.file).resolve() for entry in rollers}
     return [(e.time, (folder / e.file).resolve(), files.get(e.time)) for e in entries]
 
 
-def read_state(path: Path) -> SurfaceMesh:
+def read_state(path: Path) -> vtk.SurfaceMesh:
     """Read the surface of a state, or refuse a file that is missing or damaged."""
     try:
-        return read_surface(path)
+        return vtk.read_surface(path)
     except (FileNotFoundError, ValueError) as error:
         missing = isinstance(error, FileNotFoundError)
         raise refuse_results(path, "no such file" if missing else str(error)) from error
@@ -156,7 +146,7 @@ def refuse_results(path: Path, found: str) -> InputError:
     return InputError([Mistake(str(path), "", found, "the states that a run wrote", hint)])
 
 
-def choose_field(surface: SurfaceMesh, field: str | None) -> str:
+def choose_field(surface: vtk.SurfaceMesh, field: str | None) -> str:
     """Check the field that was asked for, or choose one that shows something."""
     names = list(surface.fields)
     if field is None and names:
@@ -266,7 +256,7 @@ def choices(names: Iterable[str]) -> list[str]:
     """
     found = []
     for name in names:
-        components = FIELDS[name].components if name in FIELDS else ()
+        components = vtk.FIELDS[name].components if name in vtk.FIELDS else ()
         found += [name, *(f"{name}.{component}" for component in components)]
     return found
 
@@ -296,8 +286,8 @@ def title(name: str, largest: float) -> tuple[str, float]:
     'bending moment, xx [0.001 N]'
     """
     base, _, component = name.partition(".")
-    field = FIELDS.get(base, Field(base.replace("_", " "), ""))
-    component = component or ("xx" if field.components == TENSOR_COMPONENTS else "")
+    field = vtk.FIELDS.get(base, vtk.Field(base.replace("_", " "), ""))
+    component = component or ("xx" if field.components == vtk.TENSOR_COMPONENTS else "")
     label = f"{field.label}, {component}" if component else field.label
     power = 0
     if field.unit and not field.unit.startswith("1") and 0.0 < largest < np.inf:
@@ -344,21 +334,21 @@ class Frame:
         A triangle is a quadrilateral whose last two corners coincide.  The values are NaN in a
         state without that field (no slip without friction).
         """
-        surface = read_surface(self.strip)
-        cells = subdivide(surface.cells)
+        surface = vtk.read_surface(self.strip)
+        cells = vtk.subdivide(surface.cells)
         if cells.shape[1] == 3:
             cells = cells[:, [0, 1, 2, 2]]
         values = surface.fields.get(field.partition(".")[0])
         if values is None:
             values = np.full(len(surface.points), np.nan)
-        return surface.points, cells, scalars(field, values)
+        return surface.points, cells, vtk.scalars(field, values)
 
     def read_rollers(self) -> tuple[Array, Index, Index] | None:
         """Read the points, the quadrilaterals and the tone, 0 or 1, of each of them."""
         if self.rollers is None:
             return None
-        surface = read_surface(self.rollers)
-        return surface.points, surface.cells, sector_tones(surface)
+        surface = vtk.read_surface(self.rollers)
+        return surface.points, surface.cells, vtk.sector_tones(surface)
 
 
 @dataclass(frozen=True)

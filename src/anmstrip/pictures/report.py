@@ -17,15 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from anmstrip.errors import InputError, Mistake
+from anmstrip.results import vtk
 from anmstrip.results.files import AnyPath, atomic_write, error_rows, read_history, read_json
-from anmstrip.results.vtk import (
-    FIELDS,
-    read_collection,
-    read_surface,
-    scalars,
-    sector_tones,
-    subdivide,
-)
 
 MAX_TIMES, MAX_STATIONS, MAX_HISTORY_STEPS, MAX_SURFACE_POINTS = 40, 400, 2000, 12_000
 """Instants and stations of profiles, steps of the history and points of the surface that a report
@@ -235,26 +228,26 @@ def history_columns(path: Path) -> dict[str, list[Any]]:
 
 def last_surface(folder: Path) -> dict[str, Any] | None:
     """Return the last state: points, triangles, fields, and the rollers; None without one."""
-    if not (entries := read_collection(folder / "strip.pvd")):
+    if not (entries := vtk.read_collection(folder / "strip.pvd")):
         return None
-    surface = read_surface(folder / entries[-1].file)
+    surface = vtk.read_surface(folder / entries[-1].file)
     fine = len(surface.points) <= MAX_SURFACE_POINTS
     corners = {16: [0, 3, 15, 12], 21: [0, 5, 20]}.get(surface.cells.shape[1])
-    cells = subdivide(surface.cells) if fine or corners is None else surface.cells[:, corners]
+    cells = vtk.subdivide(surface.cells) if fine or corners is None else surface.cells[:, corners]
     used, cells = np.unique(cells, return_inverse=True)
     fields = {
         name: {
-            "label": FIELDS[name].label,
-            "unit": FIELDS[name].unit,
+            "label": vtk.FIELDS[name].label,
+            "unit": vtk.FIELDS[name].unit,
             "values": round_digits(values),
         }
-        for name, values in ((n, scalars(n, v[used])) for n, v in surface.fields.items())
+        for name, values in ((n, vtk.scalars(n, v[used])) for n, v in surface.fields.items())
         if name not in ("normal", "arc_length") and np.any(np.nan_to_num(values))
     }
     space = {"time": entries[-1].time, "fields": fields, **triangulate(surface.points[used], cells)}
-    if rollers := read_collection(folder / "rollers.pvd"):
-        body = read_surface(folder / rollers[-1].file)
-        tones = np.repeat(sector_tones(body), 2)
+    if rollers := vtk.read_collection(folder / "rollers.pvd"):
+        body = vtk.read_surface(folder / rollers[-1].file)
+        tones = np.repeat(vtk.sector_tones(body), 2)
         space["rollers"] = triangulate(body.points, body.cells) | {"tones": tones.tolist()}
     return space
 
