@@ -495,13 +495,12 @@ def find_mistakes(
             hint = nearest(key, defaults)
             yield Mistake("--set", key, value, "a symbol of the paper", hint)
             continue
-        hint = f"{key}={defaults[key]}"
+        usual = defaults[key]
+        hint = f"{key}={usual}"
         if not np.isfinite(value):
             yield Mistake("--set", key, value, "a finite number", hint)
-        elif value and not 1.0 / SYMBOL_RANGE <= abs(value / defaults[key]) <= SYMBOL_RANGE:
-            expected = (
-                f"a number within a factor of {SYMBOL_RANGE:g} of the paper's {defaults[key]:g}"
-            )
+        elif value and not 1.0 / SYMBOL_RANGE <= abs(value / usual) <= SYMBOL_RANGE:
+            expected = f"a number within a factor of {SYMBOL_RANGE:g} of the paper's {usual:g}"
             yield Mistake("--set", key, value, expected, hint)
         elif key == "q" and not 0.0 < value <= 1.0:
             yield Mistake("--set", key, value, "above 0 and at most 1", hint)
@@ -536,12 +535,10 @@ def draw_figures(case: MassSpring, rows: Array, directory: Path) -> tuple[Path, 
     figures = {"displacement": displacement(case, rows)}
     if isinstance(case, PressedPlane):
         p = case.parameters
-        figures["friction-law-q"] = friction_law(
-            {f"q = {q:g}": NortonHoff(1.0, q, p.omega, 1.0) for q in EXPONENTS}, f"ω = {p.omega:g}"
-        )
-        figures["friction-law-omega"] = friction_law(
-            {f"ω = {w:g}": NortonHoff(1.0, p.q, w, 1.0) for w in WIDTHS}, f"q = {p.q:g}"
-        )
+        by_q = {f"q = {q:g}": NortonHoff(1.0, q, p.omega, 1.0) for q in EXPONENTS}
+        by_width = {f"ω = {w:g}": NortonHoff(1.0, p.q, w, 1.0) for w in WIDTHS}
+        figures["friction-law-q"] = friction_law(by_q, f"ω = {p.omega:g}")
+        figures["friction-law-omega"] = friction_law(by_width, f"q = {p.q:g}")
     elif isinstance(case, RotatingCircle):
         figures["trajectory"] = trajectory(case, rows)
         figures["reactions"] = reactions(case, rows)

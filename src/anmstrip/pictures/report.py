@@ -235,15 +235,12 @@ def last_surface(folder: Path) -> dict[str, Any] | None:
     corners = {16: [0, 3, 15, 12], 21: [0, 5, 20]}.get(surface.cells.shape[1])
     cells = vtk.subdivide(surface.cells) if fine or corners is None else surface.cells[:, corners]
     used, cells = np.unique(cells, return_inverse=True)
-    fields = {
-        name: {
-            "label": vtk.FIELDS[name].label,
-            "unit": vtk.FIELDS[name].unit,
-            "values": round_digits(values),
-        }
-        for name, values in ((n, vtk.scalars(n, v[used])) for n, v in surface.fields.items())
-        if name not in ("normal", "arc_length") and np.any(np.nan_to_num(values))
-    }
+    fields = {}
+    for name, found in surface.fields.items():
+        values = vtk.scalars(name, found[used])
+        if name not in ("normal", "arc_length") and np.any(np.nan_to_num(values)):
+            known, told = vtk.FIELDS[name], round_digits(values)
+            fields[name] = {"label": known.label, "unit": known.unit, "values": told}
     space = {"time": entries[-1].time, "fields": fields, **triangulate(surface.points[used], cells)}
     if rollers := vtk.read_collection(folder / "rollers.pvd"):
         body = vtk.read_surface(folder / rollers[-1].file)
@@ -283,11 +280,7 @@ def html_tables(summary: Mapping[str, Any]) -> Iterable[str]:
         yield html_table("Stages", ["stage", "steps", "tangents", "seconds"], rows)
 
 
-def rows_by_roller(
-    title: str,
-    rollers: Mapping[str, Mapping[str, Any]],
-    shown: Mapping[str, tuple[str, str, float]],
-) -> str:
+def rows_by_roller(title: str, rollers: Mapping[str, Any], shown: Mapping[str, Any]) -> str:
     """Return a table of what is shown of every roller: by entry its head, unit and factor."""
     heads = (f"{head} ({unit})" if unit else head for head, unit, _ in shown.values())
     rows = (
