@@ -68,11 +68,8 @@ BEND_TABLE = {
 """The same of the table of bends of strip that can yield."""
 
 STUDY_TABLES = {
-    "sweep": "status",
-    "map": "entry_tension",
-    "response": "gain",
-    "accuracy": "tolerance",
-}
+    "sweep": "status", "map": "entry_tension", "response": "gain", "accuracy": "tolerance",
+}  # fmt: skip
 """Tables of studies, and their first columns that are not varied."""
 
 DRAWN_RESULTS = ("tension_ratio", "true_tension", "entry_tension", "gain")

@@ -15,12 +15,8 @@ from anmstrip.mechanics.shell import moduli, weaken
 from anmstrip.results.strip_state import StripState, stations
 
 PLASTIC_COLUMNS = (
-    "residual_curvature",
-    "elongation",
-    "plastic_share",
-    "plastic_strain",
-    "yield_power",
-)
+    "residual_curvature", "elongation", "plastic_share", "plastic_strain", "yield_power",
+)  # fmt: skip
 """Columns of ``profile.csv`` for strip that can yield."""
 
 LAYER_COLUMNS = ("time", "arc_length", "height", "stress", "plastic_strain", "residual_stress")

@@ -46,7 +46,7 @@ STICKING_SHARE = 0.95
 STEP_READINGS = ("normal_force", "drag", "wrap", "max_slip", "surface_speed", "torque")
 """Attributes of a :class:`RollerReading` that are read off after every step."""
 
-READ_AS_THEY_ARE = (*STEP_READINGS[:2], *STEP_READINGS[3:], "bearing_torque")
+READ_AS_THEY_ARE = (*STEP_READINGS[:2], *STEP_READINGS[3:], "bearing_torque", "resultant")
 """Those of a :class:`ContactState` that are readings themselves."""
 
 WIDTH_STRIPES = 16
@@ -340,7 +340,6 @@ def reading_of(
         line_load_in=loads[0],
         line_load_out=loads[1],
         offset=offset,
-        resultant=state.resultant,
     )
 
 

@@ -47,11 +47,8 @@ is left are stored as they are.  States of a shell are 8 % larger and take two t
 level 1 makes files 1 % larger than the default, in half the time."""
 
 _KINDS = {
-    3: (5, np.arange(3)),
-    4: (9, np.arange(4)),
-    16: (70, LAGRANGE_ORDER),
-    21: (69, TRIANGLE_ORDER),
-}
+    3: (5, np.arange(3)), 4: (9, np.arange(4)), 16: (70, LAGRANGE_ORDER), 21: (69, TRIANGLE_ORDER),
+}  # fmt: skip
 """For each number of nodes, VTK's number of the cell, and its nodes' order."""
 
 CELL_ARRAYS = ("connectivity", "offsets", "types")
