@@ -367,8 +367,7 @@ def motions_at(assembly: Assembly, plan: StageProblem, full: Array, share: float
     held[free] = 0.0
     velocity = AffineVelocity(rate, -rate * u, np.zeros_like(u)) if plan.in_time else None
     still = replace(plan.supports, start=held, slope=np.zeros_like(full), bow=None)
-    rest = still, Controls(plan.controls.at(share))
-    equations = Equilibrium(model, *rest, velocity)
+    equations = Equilibrium(model, still, Controls(plan.controls.at(share)), velocity)
     series, force = equations.recurrence(u, 1.0, 1), model.scales.force
     try:
         factors = SparseSolver().factorise(series.tangent())
@@ -441,8 +440,7 @@ def unheld_words(scene: SceneSpec, stage: str, component: str) -> str:
         if edge in each.edges and each.edges[edge].release:
             key = f"stages.{each.name}.{edge}.release=false"
             return f"nothing holds the strip in {component}. Try --set {key}"
-    fixed = sorted({*before, component})
-    key = f"'edges.{edge}.fixed={json.dumps(fixed)}'"
+    key = f"'edges.{edge}.fixed={json.dumps(sorted({*before, component}))}'"
     if component == "y":
         key = f"edges.{edge}.centred=true"
     names = [each.name for each in scene.course]

@@ -103,8 +103,7 @@ def list_trials(assembly: Assembly, scene: Scene) -> Iterator[Trial]:
     strict: Settings = {"solver.tolerance": strictest}
     for name, method in (("tolerance", "series"), ("newton", "newton")):
         for value in chosen:
-            here = {"solver.tolerance": value, "solver.method": method}
-            yield Trial(name, value, here, strict)
+            yield Trial(name, value, {"solver.tolerance": value, "solver.method": method}, strict)
     for order in sorted({assembly.order, *TRIED_ORDERS}):
         yield Trial("order", order, {"solver.tolerance": own, "solver.order": order}, strict)
     if scene.strip.mesh is None:

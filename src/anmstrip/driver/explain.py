@@ -231,8 +231,7 @@ def memory(effect: Effect, order: int, plan: StageProblem) -> float:
     assert isinstance(effect, LawEffect)
     operator, controls = effect.operator, plan.controls.at(0.0)
     x, law = operator.apply(np.zeros(plan.model.unknowns)), effect.law
-    program = record(lambda x: law(x, x, controls), x, points=operator.points)
-    return program.nbytes(order)
+    return record(lambda x: law(x, x, controls), x, points=operator.points).nbytes(order)
 
 
 def shape_lines(preview: Preview) -> Iterator[str]:

@@ -159,8 +159,7 @@ class Recorder:
         self.tables["profile.csv"].extend(self.profile.columns(state))
         wrong = {"time": state.time, "stage": state.plan.name, **self.errors(state)}
         self.tables["errors.csv"].append(wrong)
-        number = self.strip.count
-        strip, rollers = (f"{name}_{number:05d}.vtu" for name in ("strip", "rollers"))
+        strip, rollers = (f"{name}_{self.strip.count:05d}.vtu" for name in ("strip", "rollers"))
         fields = self.surface.sample(state)
         origin, flat_origin = self.assembly.origin, np.append(self.assembly.flat_origin, 0.0)
         points = self.surface.reference.T + fields["displacement"] + origin

@@ -464,8 +464,7 @@ class Run:
         facts = onset.facts
         if all(told["kind"] != onset.kind for told in self.wrinkles) and self.is_estimated:
             with self.cost.timed("errors"):
-                released = self.march.course.released
-                facts["on_halves"] = self.budget.loads_on_halves(onset, released)
+                facts["on_halves"] = self.budget.loads_on_halves(onset, self.march.course.released)
         self.wrinkles.append(facts)
         return facts
 

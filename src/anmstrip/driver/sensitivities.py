@@ -233,8 +233,7 @@ class Partials:
             return np.asarray(effect.law(x, None, controls))
 
         names = [name for name in (*THICKNESS_POWERS, "weight") if name in tangent.parts]
-        found = self._difference(law, names, step)
-        return {**found, "friction": self.by_passing_labels(key)}
+        return {**self._difference(law, names, step), "friction": self.by_passing_labels(key)}
 
     def _difference(
         self, law: Callable[[Any, float], Array], names: Iterable[str], step: float
@@ -359,8 +358,7 @@ class Partials:
                 effect = replace(effect, roller=made)
             else:
                 effect = replace(effect, contact=replace(effect.contact, roller=made))
-            x = effect.operator.apply(state.full)
-            return np.asarray(effect.law(x, None, state.controls))
+            return np.asarray(effect.law(effect.operator.apply(state.full), None, state.controls))
 
         return self._difference(law, ("contact", "friction"), h)
 

@@ -258,8 +258,7 @@ class CellOperator:
         """L as sparse matrices, and that of which forces are the transposed."""
         rows = self.by_point.swapaxes(0, 1).reshape(-1, self.local)
         columns = np.repeat(self.dofs, self.per_element, axis=0).ravel()
-        starts = np.arange(0, rows.size + 1, self.local)
-        index = (np.tile(columns, self.components), starts)
+        index = (np.tile(columns, self.components), np.arange(0, rows.size + 1, self.local))
         matrix = csr_matrix((rows.ravel(), *index), shape=(len(rows), self.sum.shape[0]))
         weights = np.tile(self.weights, self.components)
         parts = [Part(matrix, weights, count=self.count, stride=self.components)]
@@ -356,8 +355,7 @@ class Layers:
         weights = np.ones(count)
         for ends in (np.s_[:3], np.s_[:-4:-1]):
             weights[ends] += np.array([3.0 / 8.0, 7.0 / 6.0, 23.0 / 24.0]) - 1.0
-        heights = np.linspace(-0.5, 0.5, count) * thickness
-        return cls(heights, weights * thickness / (count - 1))
+        return cls(np.linspace(-0.5, 0.5, count) * thickness, weights * thickness / (count - 1))
 
 
 @dataclass(eq=False)
@@ -637,8 +635,7 @@ class Chained(Eliminated):
         self.scale = np.tile(each.max(axis=1), v) / operator.chain.largest[:, None]
         last = response.swapaxes(1, 2) * -self.scale.reshape(lines, v, -1, 1)
         on_u = last[..., v:].reshape(lines, -1, count * k) @ self.strains
-        parts = forces, on_u, last[..., :v], self.scale
-        self.values = np.concatenate([x.ravel() for x in parts])
+        self.values = np.concatenate([x.ravel() for x in (forces, on_u, last[..., :v], self.scale)])
 
     @property
     def on_elements(self) -> Array:

@@ -177,8 +177,7 @@ class Strip:
         """Reference positions of points of the mesh, shape (3, ...)."""
         if self.surface is not None:
             return self.surface(points.reshape(2, -1)).position.reshape(3, *points.shape[1:])
-        missing = np.zeros((3 - len(points), *points.shape[1:]))
-        return np.concatenate([points, missing])
+        return np.concatenate([points, np.zeros((3 - len(points), *points.shape[1:]))])
 
     def frames(self, basis: Any = None) -> Frames:
         """Frames of the reference at the quadrature points of the strip, or of another basis."""

@@ -112,8 +112,7 @@ class Bordered:
 
     def _norm(self) -> float:
         """Largest sum of the sizes of a row's entries."""
-        n = self.inner.shape[0]
-        inner = abs(self.inner) @ np.ones(n)
+        inner = abs(self.inner) @ np.ones(self.inner.shape[0])
         first = inner + np.abs(self.columns).sum(axis=1)
         last = np.abs(self.rows).sum(axis=1) + np.abs(self.corner).sum(axis=1)
         return float(max(first.max(initial=0.0), last.max(initial=0.0)))

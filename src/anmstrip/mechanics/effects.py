@@ -570,8 +570,7 @@ def series_of(
     if isinstance(effect, LinearEffect | LoadEffect):
         return StraightSeries(effect, state, controls)
     assert isinstance(effect, LawEffect)
-    near = effect.near(full, controls.at(control))
-    law = laws.of(near, state, controls)
+    law = laws.of(effect.near(full, controls.at(control)), state, controls)
     kind = LawSeries if law.compiled is None else CompiledSeries
     return kind(law, order, state, controls)
 

@@ -210,8 +210,7 @@ def edge_moment(strip: Strip, name: str) -> FollowerLoad:
         reciprocal = [q / size for q in normal_work(tangents, n)]
         across = sum(reciprocal[a] * outwards[a] for a in directions)
         across = across / np.sqrt(dot(across, across))
-        turned = [n * dot(reciprocal[a], across) for a in directions]
-        return np.stack([n * 0.0, *turned], axis=1)
+        return np.stack([n * 0.0, *(n * dot(reciprocal[a], across) for a in directions)], axis=1)
 
     operator = CellOperator(strip, (0, 1), basis)
     return FollowerLoad(f"moment on {name}", f"{name}.moment", operator, frames.tangents, stress)

@@ -346,8 +346,7 @@ class KirchhoffLove(LawEffect):
     def law(self, x: Any, v: Any, controls: Values) -> Any:
         """Forces against the derivatives, (components, directions + pairs, points)."""
         derivatives = material_derivatives(x + self.reference, controls, self.powers)
-        change = self.change(derivatives, controls)
-        moments = np.einsum("kl,l...->k...", self.stiffness, change)
+        moments = np.einsum("kl,l...->k...", self.stiffness, self.change(derivatives, controls))
         forces = self.work(derivatives, weaken(moments, controls))
         return label_forces(forces, controls, self.powers)
 

@@ -413,8 +413,7 @@ def run_case(
     if mistakes := list(find_mistakes(name, order, tolerance, settings, scheme)):
         raise InputError(mistakes)
     case = CASES[name]()
-    values = {key: float(value) for key, value in settings.items()}
-    p = replace(case.parameters, **values)
+    p = replace(case.parameters, **{key: float(value) for key, value in settings.items()})
     if p.eta >= p.K * p.delta:
         raise InputError([Mistake("--set", "eta", p.eta, "below K delta (N)", "eta=0.01")])
     case = replace(case, parameters=p)

@@ -247,8 +247,7 @@ class FieldSampler:
         if state.membrane is None:
             pull = state.controls.get("exit.force", np.zeros(3))[0]
             return np.multiply.outer([pull, 0.0, 0.0], np.ones(shape[1:]))
-        forces = _components(state.membrane.at(state.full, state.controls))
-        return self._recovered(forces)
+        return self._recovered(_components(state.membrane.at(state.full, state.controls)))
 
     def _recovered(self, values: Array, layered: bool = False) -> Array:
         """Values at quadrature points (m, points) as recovered, shape (m, elements, points).

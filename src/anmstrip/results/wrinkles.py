@@ -695,8 +695,7 @@ class WrinkleWatch:
         _, factors, modes = self.looked
         found: dict[tuple[str, str] | None, float] = {}
         for factor, mode in zip(factors, modes.T, strict=True):
-            span = Onset(state, mode_heights(state, mode), WAVES).span
-            found.setdefault(span, float(factor))
+            found.setdefault(Onset(state, mode_heights(state, mode), WAVES).span, float(factor))
         return found
 
     def during(self, state: State) -> list[Onset]:

@@ -708,8 +708,7 @@ def separate_rollers(rollers: Rollers) -> Mistakes:
         away = offset[:, j] / distance[j] if distance[j] else np.array([0.0, 0.0, 1.0])
         centre = second.centre + (1.01 * least[j] - distance[j]) * away
         hint = f"centre = [{', '.join(f'{c:.4g}' for c in centre)}], or smaller radii"
-        key = f"rollers.{second.name}.centre"
-        yield Mistake("", key, list(second.centre), expected, hint)
+        yield Mistake("", f"rollers.{second.name}.centre", list(second.centre), expected, hint)
     for name, (radius, far) in large.items():
         expected = f"less than {far:.4g} (m), the way to the next axis; was it meant in mm?"
         yield Mistake("", f"rollers.{name}.radius", radius, expected, f"radius = {1e-3 * radius:g}")

@@ -95,8 +95,7 @@ def example_of(key: str, field: FieldInfo) -> str:
 
 def missing(model: type[BaseModel], key: str) -> Mistake:
     """Return the mistake of having left out a field of a model."""
-    example = example_of(key, model.model_fields[key])
-    return Mistake("", key, None, meanings(model)[key], example)
+    return Mistake("", key, None, meanings(model)[key], example_of(key, model.model_fields[key]))
 
 
 def not_both(table: Table, **units: str) -> Iterator[Mistake]:
@@ -474,8 +473,7 @@ class FrictionSpec(Table):
     @property
     def constants(self) -> tuple[str, ...]:
         """Keys that the law has besides f and V_c."""
-        built_in = {"algebraic": (), "tanh": ("omega",)}
-        return built_in.get(self.law, ("exponent", "omega"))
+        return {"algebraic": (), "tanh": ("omega",)}.get(self.law, ("exponent", "omega"))
 
     def find_mistakes(self) -> Iterator[Mistake]:
         """Yield a constant without the law that has it."""

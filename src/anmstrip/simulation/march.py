@@ -146,8 +146,7 @@ class Step:
     @property
     def tension_ratio(self) -> float | None:
         """Tension before the first roller over that after it, or None without a roller."""
-        readings = self.state.rollers.values()
-        return next((reading.tension_ratio for reading in readings), None)
+        return next((reading.tension_ratio for reading in self.state.rollers.values()), None)
 
 
 class March:
@@ -198,8 +197,7 @@ class March:
         reactions = {}
         for name, control in stage.edges.items():
             if state is not None and control.release and name not in self.course.released:
-                length = self.assembly.strip.edges[name].length
-                reactions[name] = state.edge_force(name) / length
+                reactions[name] = state.edge_force(name) / self.assembly.strip.edges[name].length
         if stage.steady and state is not None and state.plan.in_time:
             self.course.take_over(state)
         if stage.steady and self.reached is None:
@@ -522,8 +520,7 @@ class March:
             if memory.times[0] == until < ends[-1]:  # slip turns round: it begins anew
                 now = memory.errors and Errors(memory.errors.after, memory.errors.after, 0.0)
                 past = memory.states[0], memory.v
-                first = min(self._first(plan), following - until)
-                memory = start_memory(until, *past, first, now)
+                memory = start_memory(until, *past, min(self._first(plan), following - until), now)
 
     def _begun(self, plan: StageProblem, motion: Motion, memory: Memory, **ways: Any) -> Memory:
         """The memory of a stage that begins anew, with the velocity after its first instant.
@@ -538,8 +535,7 @@ class March:
         ratio = friction.law_of_slip.speed / usual.speed
         wide = [effect.at_speed(usual.speed) for effect in plan.model.effects]
         brief = replace(memory, step=ratio * memory.step)
-        other = replace(motion, model=plan.model.with_effects(wide))
-        found = settle(other, brief, **ways)
+        found = settle(replace(motion, model=plan.model.with_effects(wide)), brief, **ways)
         return replace(found, v=ratio * found.v, step=memory.step)
 
     def _step(self, plan: StageProblem, step: TimeStep, order: int, before: Array) -> Step:

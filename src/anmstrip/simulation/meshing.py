@@ -554,8 +554,7 @@ class Layout:
         ways = []
         for edge in held - free:
             controls = [stage.edges.get(edge) for stage in scene.stages]
-            speeds = [None if c is None else c.signed_speed for c in controls]
-            ways.append(_travel(scene, speeds))
+            ways.append(_travel(scene, [None if c is None else c.signed_speed for c in controls]))
         if (not held or free) and not any(map(any, ways)):
             drives = {roller.drive for roller in scene.rollers}
             if "torque" in drives and "speed" not in drives:

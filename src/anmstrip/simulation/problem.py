@@ -147,8 +147,7 @@ def size_of(assembly: Assembly, level: Kinematics) -> Size | None:
     touched *= 0 if assembly.scene.contact is None or not assembly.rollers else rubbed
     m, per_line = level.count, scalars / lines
     values = m * (level.directions * quadrature + touched)
-    band = int(m * (per_line + 8))
-    return Size(m * scalars, quadrature + touched, values, band)
+    return Size(m * scalars, quadrature + touched, values, int(m * (per_line + 8)))
 
 
 EffectMaker = Callable[[Strip], Effect]

@@ -239,8 +239,7 @@ class Thread:
     def ends_in_space(self, strip: Strip) -> tuple[Array, Array, Array, Array]:
         """Displacements of entry and exit, and outward directions of the strip there, (3,) each."""
         reference = np.array(strip.span)
-        s = self.stretches.place(reference - reference[0])
-        position, direction = self.middle.at(s, 0)
+        position, direction = self.middle.at(self.stretches.place(reference - reference[0]), 0)
         in_space = np.stack([position[0], np.zeros(2), position[1]])
         moved = in_space - np.stack([reference, np.zeros(2), np.zeros(2)])
         outward = np.stack([direction[0], np.zeros(2), direction[1]]) * [-1.0, 1.0]

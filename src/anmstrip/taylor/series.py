@@ -119,8 +119,7 @@ def record(
                 output = _each(tape, tape.constant, output)
         except MixedPointsError:
             continue
-        variable = Variable(output.rows, output.shape, output.laned)
-        return Program(tape, variable, compiled=compiled)
+        return Program(tape, Variable(output.rows, output.shape, output.laned), compiled=compiled)
     raise AssertionError("the last recording mixes no points")
 
 

@@ -414,8 +414,7 @@ class _Integrator:
         point = trial.path.recurrence(trial.increment, 1.0, 1)
         with self.cost.timed("error in time"):
             factors = self.solver.factorise(point.tangent())
-            right = trial.resistance(trial.v - memory.v) - point.control_derivative()
-            way = factors.solve(right)
+            way = factors.solve(trial.resistance(trial.v - memory.v) - point.control_derivative())
         self.cost.expansions += 1
         self.cost.factorisations += 1
         self.cost.solves += 1
