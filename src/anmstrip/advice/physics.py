@@ -1042,8 +1042,7 @@ def tips_over(preview: Preview) -> Iterator[str]:
     if assembly.thread is not None or held or above or not weighed:
         return
     first, last = assembly.strip.span
-    axes = [roller.centre[0] for roller in assembly.rollers]
-    places = [x for x in axes if first <= x <= last]
+    places = [r.centre[0] for r in assembly.rollers if first <= r.centre[0] <= last]
     if places and not min(places) < 0.5 * (first + last) < max(places):
         yield (
             f"the strip, from x = {first:g} to {last:g} m, tips over in stage {weighed[0]}: the "

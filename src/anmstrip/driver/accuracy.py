@@ -206,8 +206,7 @@ class Final:
     @property
     def seconds(self) -> float:
         """Wall time without that of the estimates (s)."""
-        spent: float = self.summary["wall_seconds"] - self.summary["seconds"].get("errors", 0.0)
-        return spent
+        return float(self.summary["wall_seconds"] - self.summary["seconds"].get("errors", 0.0))
 
 
 class Accuracy(Sweep):

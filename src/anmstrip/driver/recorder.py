@@ -123,10 +123,8 @@ class Recorder:
             tables["events.csv"] = EVENT_COLUMNS
         else:
             (directory / "events.csv").unlink(missing_ok=True)
-        self.tables = {
-            name: files.History(directory / name, names, kept["rows"].get(name, 0))
-            for name, names in tables.items()
-        }
+        rows, given = kept["rows"], tables.items()
+        self.tables = {n: files.History(directory / n, heads, rows.get(n, 0)) for n, heads in given}
 
     def record(self, step: Step, before: State) -> None:
         """Write what is wanted of an accepted step: history, events, its end or instants inside."""

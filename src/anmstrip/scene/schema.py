@@ -362,10 +362,8 @@ class Override:
         if head not in names:
             key, known = ".".join(self.path), [name for name in names if isinstance(name, str)]
             raise wrong_override(self.text, key, head, "a known name", nearest(head, known))
-        return [
-            self.applied_to(table, depth + 1) if name == head else table
-            for table, name in zip(tables, names, strict=True)
-        ]
+        pairs = zip(tables, names, strict=True)
+        return [self.applied_to(each, depth + 1) if name == head else each for each, name in pairs]
 
 
 def wrong_override(text: str, key: str, value: object, expected: str, hint: str) -> InputError:
@@ -616,11 +614,8 @@ def told_once(found: Iterable[Mistake]) -> list[Mistake]:
 
 def meant_keys(found: Iterable[Mistake]) -> set[tuple[str, ...]]:
     """Return the keys that were presumably meant by the unknown ones among mistakes."""
-    return {
-        (*m.key.split(".")[:-1], re.split(" \\(the nearest| = ", m.hint)[0])
-        for m in found
-        if m.expected == "a known key"
-    }
+    wrong = [m for m in found if m.expected == "a known key"]
+    return {(*m.key.split(".")[:-1], re.split(" \\(the nearest| = ", m.hint)[0]) for m in wrong}
 
 
 def inner_tables(field: FieldInfo) -> list[type[BaseModel]]:
