@@ -873,8 +873,8 @@ ADVICE = (
     ),
     Mutant(
         "states between are interpolated",
-        "direct = plan.steady and not between",
-        "direct = plan.steady",
+        "direct=plan.steady and not between",
+        "direct=plan.steady",
         "profile",
         "test_operating_map.py",
     ),

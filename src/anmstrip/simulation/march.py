@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -327,15 +327,10 @@ class March:
         if plan.in_time:
             yield from self._in_time(plan, settings)
         else:
-            direct = plan.steady and not between
-            yield from self._rate_free(plan, settings, self._settled if direct else self._path)
+            yield from self._rate_free(plan, settings, direct=plan.steady and not between)
 
-    def _rate_free(
-        self,
-        plan: StageProblem,
-        settings: Settings,
-        path: Callable[[Equilibrium, Array, Settings], Iterator[PathStep]],
-    ) -> Iterator[Step]:
+    def _rate_free(self, plan: StageProblem, settings: Settings, direct: bool) -> Iterator[Step]:
+        path = self._settled if direct else self._path
         u, equations = self._start(plan)
         begun, floor = self.reached or 0.0, 0.0
         imbalance = equations.imbalance(equations.residual(u, begun))
