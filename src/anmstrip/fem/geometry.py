@@ -160,8 +160,7 @@ class Frames:
         """u;α from u,a, shape (directions, elements, points of one)."""
         if self.inverse is None:
             return field
-        inverse = self.inverse.reshape(2, 2, *field.shape[1:])
-        return np.einsum("aiep,aep->iep", inverse, field)
+        return np.einsum("aiep,aep->iep", self.inverse.reshape(2, 2, *field.shape[1:]), field)
 
     def hessian(self, gradient: Array, hessian: Array) -> list[Array]:
         """u;αβ for αβ in :data:`DERIVATIVE_PAIRS`, from u,a and u,ab."""

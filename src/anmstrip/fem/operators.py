@@ -641,8 +641,7 @@ class Chained(Eliminated):
     def on_elements(self) -> Array:
         """Forces by u without s, shape (elements, count, local, count, local)."""
         cells = self.operator.cells
-        stresses = self.weights * (self.of_strains @ self.strains)
-        forces = self.strains.swapaxes(1, 2) @ stresses
+        forces = self.strains.swapaxes(1, 2) @ (self.weights * (self.of_strains @ self.strains))
         whole = forces.reshape(cells.elements, self.lines[1] // cells.elements, -1).sum(axis=1)
         return whole.reshape(-1, *(cells.count, cells.local) * 2)
 

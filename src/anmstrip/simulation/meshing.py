@@ -812,8 +812,7 @@ def pulls_of_runs(thread: Thread, loads: Loads) -> Array:
     level, known = loads.exit - loads.weight * ends[-1], list[float]()
     if loads.entry is not None:  # tensions less weight times height, up to the first drive
         first = gains.index(None) if None in gains else n
-        gained = np.cumsum([0.0, *gains[:first]])
-        known = list(loads.entry - loads.weight * starts[0] + gained)
+        known = list(loads.entry - loads.weight * starts[0] + np.cumsum([0.0, *gains[:first]]))
     levels = np.zeros(n + 1)
     for k in reversed(range(n + 1)):
         if k < n and (gain := gains[k]) is not None:

@@ -365,8 +365,7 @@ def _stack(tape: Tape, arrays: Sequence[Any], axis: int = 0) -> Series:
     rows = tape.rows_shape(shape, laned)
     tables = [_table(tape, _wrapped(tape, x), laned) for x in arrays]
     found = np.stack([np.broadcast_to(x, rows) for x in tables], axis=axis)
-    whole = (*shape[:axis], len(arrays), *shape[axis:])
-    return Series(tape, Variable(found, whole, laned))
+    return Series(tape, Variable(found, (*shape[:axis], len(arrays), *shape[axis:]), laned))
 
 
 def _einsum(tape: Tape, subscripts: str, a: Any, b: Any) -> Series:
