@@ -304,8 +304,7 @@ def run_command(
         from anmstrip.pictures.report import write_report
 
         click.echo(f"Report in {write_report(directory)}.")
-    typed = shlex.quote(str(directory))
-    click.echo(f"Results in {directory}. Next: anmstrip render {typed}")
+    click.echo(f"Results in {directory}. Next: anmstrip render {shlex.quote(str(directory))}")
     if not running.outcome.done:
         sys.exit(EXIT_STOPPED)
 

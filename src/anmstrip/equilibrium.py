@@ -41,6 +41,7 @@ FULL_SLIP_SPEED = 1e3
 """Slip with full friction, to 1e-6 of it, over the speed V_c of the law."""
 
 
+@dataclass(eq=False, repr=False)
 class Model:
     """A strip and the effects that act on it.
 
@@ -72,25 +73,20 @@ class Model:
         All of them.
     """
 
-    def __init__(
-        self,
-        strip: Strip,
-        pattern: Pattern,
-        effects: Sequence[Effect],
-        scales: Scales,
-        turning: Sequence[str] = (),
-        conveyed: bool = False,
-        pull: Array | None = None,
-        internal: Array | None = None,
-    ) -> None:
-        self.strip, self.pattern, self.scales = strip, pattern, scales
-        self.turning, self.conveyed, self.pull = tuple(turning), conveyed, pull
-        self.others = len(turning) + conveyed
+    strip: Strip
+    pattern: Pattern
+    effects: Sequence[Effect]
+    scales: Scales
+    turning: Sequence[str] = ()
+    conveyed: bool = False
+    pull: Array | None = None
+    internal: Array = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        strip, self.others = self.strip, len(self.turning) + self.conveyed
         self.coupled = strip.unknowns + self.others
-        self.internal = np.zeros(0) if internal is None else internal
         self.unknowns = self.coupled + len(self.internal)
-        self.effects = tuple(effects)
-        self.seconds = {effect.name: 0.0 for effect in effects}
+        self.seconds = {effect.name: 0.0 for effect in self.effects}
         self.value_unknowns = strip.unknowns_of(strip.node_values)
         self.units = np.append(np.repeat(strip.dof_lengths, strip.count), np.ones(self.others))
         self.units = np.append(self.units, self.internal)
@@ -110,8 +106,7 @@ class Model:
 
     def with_effects(self, effects: Sequence[Effect]) -> Model:
         """Return the same with other effects."""
-        given = self.turning, self.conveyed, self.pull, self.internal
-        return Model(self.strip, self.pattern, effects, self.scales, *given)
+        return replace(self, effects=effects)
 
     def closed(self, total: Array) -> Array:
         """Return a residual with that of the strip's speed, from the one of the strip."""
@@ -194,6 +189,7 @@ class Model:
         return error
 
 
+@dataclass(eq=False, repr=False)
 class Equilibrium:
     """R(u, λ) = 0 of the free unknowns; a :class:`~anmstrip.continuation.path.Equations`.
 
@@ -213,30 +209,25 @@ class Equilibrium:
         Of changes of position: mean square over the nodes, over the length scale.
     """
 
-    def __init__(
-        self,
-        model: Model,
-        supports: Supports,
-        controls: Controls,
-        velocity: AffineVelocity | None = None,
-        moving: Array | None = None,
-    ) -> None:
-        self.model, self.supports, self.controls = model, supports, controls
-        self.velocity = velocity
-        self.moving = np.zeros(model.unknowns) if moving is None else moving
-        size = model.scales
-        units = model.units.copy()
-        if velocity is not None:
-            units[model.coupled :] /= velocity.rate
-        self.free_units = 1.0 / units[supports.free]
-        self.is_value = np.isin(supports.free, model.value_unknowns)
-        self.metric: Array = self.is_value / (size.length**2 * len(model.strip.node_values))
+    model: Model
+    supports: Supports
+    controls: Controls
+    velocity: AffineVelocity | None = None
+    moving: Array | None = None
+
+    def __post_init__(self) -> None:
+        model, free, units = self.model, self.supports.free, self.model.units.copy()
+        if self.velocity is not None:
+            units[model.coupled :] /= self.velocity.rate
+        self.free_units, nodes = 1.0 / units[free], len(model.strip.node_values)
+        seen = np.isin(free, model.value_unknowns)
+        self.metric: Array = seen / (model.scales.length**2 * nodes)
 
     def full_velocity(self, u: Array, control: float) -> Array | None:
         """Velocity of all unknowns, or ``None`` where nothing depends on it."""
         if self.velocity is None:
             return None
-        whole = self.moving.copy()
+        whole = np.zeros(self.model.unknowns) if self.moving is None else self.moving.copy()
         whole[self.supports.free] = self.velocity(u, control)
         return whole
 
@@ -249,7 +240,7 @@ class Equilibrium:
     def with_wider_laws(self, width: float) -> Equilibrium:
         """The same with laws that set in over so many times the gap and the slip speed."""
         model = self.model.with_effects([e.sharper(1.0 - width) for e in self.model.effects])
-        return Equilibrium(model, self.supports, self.controls, self.velocity, self.moving)
+        return replace(self, model=model)
 
     def smoother(self, width: float) -> tuple[Equilibrium, Equilibrium] | None:
         """The same with corners so many times as wide in velocity, and their narrowing at λ = 1.
@@ -260,7 +251,7 @@ class Equilibrium:
             return None
         model, wide = self.model.wider, np.array(np.log(width))
         before = replace(self.controls, start={**self.controls.start, LAW_WIDTH: wide})
-        controls = Controls(before.at(1.0), {LAW_WIDTH: -wide})
+        wider = replace(self, model=model, controls=before)
         still = np.zeros_like(self.supports.slope)
         end = self.supports.start + self.supports.slope
         supports = replace(self.supports, start=end, slope=still, bow=None)
@@ -268,10 +259,8 @@ class Equilibrium:
         if velocity is not None:
             base = velocity.base + velocity.slope
             velocity = replace(velocity, base=base, slope=np.zeros_like(base))
-        return (
-            Equilibrium(model, self.supports, before, self.velocity, self.moving),
-            Equilibrium(model, supports, controls, velocity, self.moving),
-        )
+        controls = Controls(before.at(1.0), {LAW_WIDTH: -wide})
+        return wider, replace(wider, supports=supports, controls=controls, velocity=velocity)
 
     def recurrence(self, u: Array, control: float, order: int) -> EquilibriumSeries:
         """Start the series at a point."""
@@ -297,11 +286,9 @@ class Equilibrium:
     def resistance(self, u: Array, control: float) -> Callable[[Array], Array]:
         """∂R/∂v at a state, applied to changes of the free unknowns' velocity."""
         full, velocity = self.supports.full(u, control), self.full_velocity(u, control)
-        parts = [
-            series_of(effect, 1, (full, velocity, control), self.controls, self.model.laws)
-            for effect in self.model.effects
-            if effect.rate_dependent
-        ]
+        given = (full, velocity, control), self.controls, self.model.laws
+        effects = (effect for effect in self.model.effects if effect.rate_dependent)
+        parts = [series_of(effect, 1, *given) for effect in effects]
         still = np.zeros_like(full)
 
         def applied(change: Array) -> Array:
@@ -398,12 +385,9 @@ class EquilibriumSeries:
     def __init__(self, equations: Equilibrium, u: Array, control: float, order: int) -> None:
         self.equations, self.model = equations, equations.model
         self.free = equations.supports.free
-        full = equations.supports.full(u, control)
-        velocity = equations.full_velocity(u, control)
-        self.parts = [
-            series_of(effect, order, (full, velocity, control), equations.controls, self.model.laws)
-            for effect in self.model.effects
-        ]
+        at = equations.supports.full(u, control), equations.full_velocity(u, control), control
+        given = at, equations.controls, self.model.laws
+        self.parts = [series_of(effect, order, *given) for effect in self.model.effects]
         self.residual = self._summed(lambda part: part.residual())
         self.curved = [part for part in self.parts if part.curved]
 

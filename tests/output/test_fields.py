@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from anmstrip.pictures.render import FIELDS, choices, scalars, title
+from anmstrip.pictures.render import choices, title
+from anmstrip.results.vtk import FIELDS, scalars
 
 
 @pytest.mark.parametrize(

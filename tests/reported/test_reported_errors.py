@@ -457,7 +457,7 @@ def test_a_finer_mesh_is_found_by_way_of_wider_laws(monkeypatch: pytest.MonkeyPa
     assert run.errors()["mesh"] is not None
     monkeypatch.setattr(budget, "WIDER_LAWS", ())
     with pytest.raises(TypeError, match="not callable"):  # nothing but a path is left
-        run.budget.look(run.scene.course[-1], last.state, None, ())
+        run.budget.look(last.state, None, ())
 
 
 @pytest.mark.parametrize(("first", "widths"), [(0.9, [1.0, 1.0, 1.0, 1.0]), (1.1, [1, 10, 3, 1])])

@@ -13,19 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
-from anmstrip.advice.physics import (
-    PLACE_DECIMALS,
-    across,
-    closer_rollers,
-    crushes,
-    held_by_nip,
-    longest_fibre,
-    loose_fibres,
-    pulled_at_both_ends,
-    runs_away,
-    slack_edge,
-    two_digits,
-)
+from anmstrip.advice import physics
 from anmstrip.advice.preview import Preview, as_sentence, motions_at, unheld_words
 from anmstrip.advice.units import typed_vector
 from anmstrip.advice.warnings import (
@@ -42,6 +30,7 @@ from anmstrip.arrays import Array
 from anmstrip.continuation.path import NEGLIGIBLE_SHARE, Evidence, Outcome, PathStopped
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.sampling import shape_of
+from anmstrip.mechanics.roller import placed
 from anmstrip.mechanics.shell import eigenstrain
 from anmstrip.results.rollers import ContactState
 from anmstrip.results.state import State
@@ -92,10 +81,8 @@ def place_of(nodes: Array, state: State, threaded: bool) -> str:
         names = "".join("xyz"[component] for component in strip.kinematics.components)
         point = (strip.nodes[:, nodes] + moved).mean(axis=1) + strip.origin
         point = point[list(strip.kinematics.components)]
-    return ", ".join(
-        f"{n} = {v + 0.0:.4g} m"
-        for n, v in zip(names, np.round(point, PLACE_DECIMALS), strict=False)
-    )
+    places = zip(names, np.round(point, physics.PLACE_DECIMALS), strict=False)
+    return ", ".join(f"{name} = {x + 0.0:.4g} m" for name, x in places)
 
 
 def locate(evidence: Evidence, state: State, threaded: bool) -> Location | None:
@@ -159,16 +146,10 @@ class Failure:
         return locate(self.stopped.evidence, self.state, self.assembly.thread is not None)
 
     @cached_property
-    def touched(self) -> list[ContactState]:
-        """Rollers that the strip lies on."""
-        return [c for c in self.state.contacts.values() if c.touching.any()]
-
-    @cached_property
     def carrying(self) -> dict[str, ContactState]:
         """Rollers with a drive that the strip lies on."""
         driven = {roller.name for roller in self.scene.rollers if roller.driven}
-        contacts = self.state.contacts.items()
-        return {name: c for name, c in contacts if name in driven and c.touching.any()}
+        return {name: c for name, c in self.state.touched.items() if name in driven}
 
 
 def diagnosis(failure: Failure, cause: str | None = None) -> str:
@@ -216,7 +197,7 @@ def too_large(failure: Failure) -> str | None:
     if kinematics == "shell" and not any(against_section(Preview(assembly, (), ()))):
         return "Nothing varies across the strip. Try --set 'strip.kinematics=\"section\"'"
     longer = 2.0 * float(assembly.strip.cell_sizes[0].min())
-    return f"Try longer elements: --set strip.refined={two_digits(longer, np.ceil):g}"
+    return f"Try longer elements: --set strip.refined={physics.two_digits(longer, np.ceil):g}"
 
 
 def slides_away(failure: Failure) -> str | None:
@@ -265,7 +246,7 @@ def not_held(failure: Failure) -> str | None:
     held = np.ones(failure.plan.model.unknowns, dtype=bool)
     held[failure.plan.supports.free] = False
     rubbed = "xy" if failure.plan.in_time else ""
-    by_rollers = rubbed + "z" if failure.touched else ""
+    by_rollers = rubbed + "z" if failure.state.touched else ""
     for place, component in enumerate(strip.kinematics.components):
         name = "xyz"[component]
         if held[strip.count * strip.node_values + place].any() or name in by_rollers:
@@ -281,20 +262,19 @@ def squeezed(failure: Failure) -> str | None:
     for pair in combinations(assembly.rollers, 2):
         if not {roller.name for roller in pair} <= set(contacts):
             continue
-        centres = (controls[f"rollers.{roller.name}.centre"] for roller in pair)
-        a, b = (replace(r, centre=tuple(at)) for r, at in zip(pair, centres, strict=True))
-        apart = float(np.linalg.norm(across(np.subtract(b.centre, a.centre), a.unit_axis)))
+        a, b = placed(pair, controls)
+        apart = float(np.linalg.norm(physics.across(np.subtract(b.centre, a.centre), a.unit_axis)))
         nip = Nip(a, b, apart - a.radius - b.radius)
         first, second = (contacts[r.name].pressed for r in pair)
         pressed = np.isin(first, second).any() and (nip.squeeze > 0.0 or not a.half)
-        pressed |= crushes(assembly, nip)  # strip that may not have come to touch them yet
-        doubt = pressed and (forewarned(failure) or held_by_nip(seen_before(failure), nip))
+        pressed |= physics.crushes(assembly, nip)  # strip that may not have come to touch them yet
+        doubt = pressed and (forewarned(failure) or physics.held_by_nip(seen_before(failure), nip))
         if nip.gap < 0.0 or (pressed and not doubt):
             nips = a.half and nip.gap >= 0.0
             least = 0.0 if nips else nip.squeeze - 1.1 * max(-nip.gap, thickness)
             return (
                 f"Rollers {a.name} and {b.name} are {nip.gap:.3g} m apart and squeeze the strip. "
-                f"Try {closer_rollers(assembly, failure.stage.name, nip, least)}"
+                f"Try {physics.closer_rollers(assembly, failure.stage.name, nip, least)}"
             )
     return None
 
@@ -328,8 +308,8 @@ def forewarned(failure: Failure) -> str | None:
 def ran_away(failure: Failure) -> bool:
     """Whether statics say that the strip runs away in this stage, on any mesh and by any laws."""
     preview, stage = seen_before(failure), failure.stage.name
-    pulls = (pulled for pulled in pulled_at_both_ends(preview) if pulled.stage.name == stage)
-    return any(runs_away(preview, pulled) for pulled in pulls)
+    pulls = physics.pulled_at_both_ends(preview)
+    return any(physics.runs_away(preview, each) for each in pulls if each.stage.name == stage)
 
 
 def seen_before(failure: Failure) -> Preview:
@@ -352,13 +332,13 @@ def stiff_strip(failure: Failure) -> str | None:
     return (
         f"The strip bends over √(D/T) = {layer:.2g} m, and cannot lie on roller {roller.name} of "
         f"radius {roller.radius:.2g} m. "
-        f"Try --set threading.tension={two_digits(stiffness / roller.radius**2, np.ceil):g}"
+        f"Try --set threading.tension={physics.two_digits(stiffness / roller.radius**2, np.ceil):g}"
     )
 
 
 def profiled(failure: Failure) -> str | None:
     """Rollers whose profiles leave fibres of the strip without tension."""
-    return as_sentence(next(loose_fibres(seen_before(failure)), "")) or None
+    return as_sentence(next(physics.loose_fibres(seen_before(failure)), "")) or None
 
 
 def slack(failure: Failure) -> str | None:
@@ -389,7 +369,7 @@ def slack(failure: Failure) -> str | None:
             )
     else:
         return None
-    crooked = next(slack_edge(seen), "")
+    crooked = next(physics.slack_edge(seen), "")
     cure = uneven_heat(failure, -least[worst]) or as_sentence(crooked) or more_tension(failure)
     return f"The strip is {found}. {cure}"
 
@@ -405,7 +385,8 @@ def uneven_heat(failure: Failure, pressed: float) -> str | None:
         controls = {k: v for k, v in failure.state.controls.items() if k == f"strip.{key}"}
         if (own := eigenstrain(strip, controls)) is not None:
             where = f"stages.{stage.name}.strip" if key in stage.strip.natural else "strip"
-            most = longest_fibre(strip, own[0, 0], True) if across else float(np.ptp(own[0, 0]))
+            strain = own[0, 0]
+            most = physics.longest_fibre(strip, strain, True) if across else float(np.ptp(strain))
             made[f"{where}.{key}"] = strip.tensile_stiffness * most
     key = max(made, key=lambda each: made[each], default="")
     if not key or made[key] <= pressed:
@@ -482,7 +463,7 @@ def stiff_friction(failure: Failure) -> str | None:
     """Friction turns round within a speed at which the positions have no digits left."""
     friction, strip = failure.scene.friction, failure.assembly.strip
     law = failure.assembly.law_of_slip(failure.stage)
-    if not failure.plan.in_time or friction is None or law is None or not failure.touched:
+    if not failure.plan.in_time or friction is None or law is None or not failure.state.touched:
         return None
     seen = np.finfo(float).eps * strip.length / (USUAL_STEP * failure.plan.duration)
     corner = friction.omega if "omega" in friction.constants else 1.0
@@ -538,23 +519,8 @@ def asked_too_much(failure: Failure) -> str:
 
 
 CAUSES: tuple[Callable[[Failure], str | None], ...] = (
-    too_many_steps,
-    too_large,
-    slides_away,
-    turns_through,
-    not_held,
-    squeezed,
-    forewarned,
-    stiff_strip,
-    profiled,
-    slack,
-    round_off,
-    free_motion,
-    sharp_contact,
-    stiff_friction,
-    low_order,
-    nothing_grips,
-    coarse,
-    asked_too_much,
-)
+    too_many_steps, too_large, slides_away, turns_through, not_held, squeezed, forewarned,
+    stiff_strip, profiled, slack, round_off, free_motion, sharp_contact, stiff_friction,
+    low_order, nothing_grips, coarse, asked_too_much,
+)  # fmt: skip
 """Likely causes, the surest first; the last one always has words."""

@@ -19,7 +19,7 @@ from anmstrip.arrays import Array
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.sampling import quadrature_points, shape_of
 from anmstrip.fem.strip import Strip
-from anmstrip.mechanics.roller import Roller
+from anmstrip.mechanics.roller import Roller, placed
 from anmstrip.mechanics.shell import eigenstrain
 from anmstrip.scene.checks import PARALLEL_COSINE, ROUND_OFF, moved_ends
 from anmstrip.scene.schema import SceneSpec, StageSpec
@@ -258,11 +258,10 @@ def untouched_roller(preview: Preview) -> Iterator[str]:
         for stage, string in zip(preview.stages, preview.strings, strict=True):
             wrapped, before = thread is not None and roller.name in thread.turns, touched
             touched = roller.name in string.turns
-            moved = [name for name, turn in stage.rollers.items() if turn.move]
             leaves = f"the strip comes off roller {roller.name} in stage {stage.name}"
-            if wrapped and moved and not touched:
+            if wrapped and stage.moves and not touched:
                 yield (
-                    f"{leaves}, which moves {' and '.join(moved)}. "
+                    f"{leaves}, which moves {' and '.join(stage.moves)}. "
                     f"Try shorter moves (stages.{stage.name}.rollers)."
                 )
                 break
@@ -274,12 +273,11 @@ def moved_through(preview: Preview, roller: Roller) -> bool:
     """Whether a stage moves a roller to the other side of the string around the others."""
     key = f"rollers.{roller.name}.centre"
     for plan, string in zip(preview.plans, preview.strings, strict=True):
-        path, moved = string.path, axis_crossing(roller) - np.asarray(roller.centre)[[0, 2]]
+        path = string.path
         if path is None or not np.any(plan.controls.slope.get(key, 0.0)):
             continue
-        before, after = (np.asarray(plan.controls.at(share)[key])[[0, 2]] for share in (0.0, 1.0))
-        sides = {path.passing(place + moved, STRIP_SAMPLES)[1] for place in (before, after)}
-        if len(sides) > 1:
+        ends = (axis_crossing(*placed([roller], plan.controls.at(share))) for share in (0.0, 1.0))
+        if len({path.passing(place, STRIP_SAMPLES)[1] for place in ends}) > 1:
             return True
     return False
 
@@ -326,9 +324,8 @@ def rollers_without_friction(preview: Preview) -> Iterator[str]:
 
 def holding_ratio(preview: Preview, roller: Roller) -> float:
     """Return e^(fθ) of a driven roller: the ratio of tensions that friction on it can hold."""
-    scene = preview.assembly.scene
-    (spec,) = (spec for spec in scene.rollers if spec.name == roller.name)
-    return float(np.exp(min(coefficient_on(scene, spec) * preview.turn(roller), 100.0)))
+    f = coefficient_on(preview.assembly.scene, preview.assembly.specs[roller.name])
+    return float(np.exp(min(f * preview.turn(roller), 100.0)))
 
 
 def taken_by_bending(preview: Preview, roller: Roller) -> float:
@@ -424,7 +421,7 @@ def pulled_at_both_ends(preview: Preview) -> Iterator[Pulled]:
         before = dict(pulls)
         torques |= {n: c.torque for n, c in stage.rollers.items() if c.torque is not None}
         if stage.gravity is not None:
-            weight = -assembly.material.density * assembly.strip.thickness * stage.gravity[2]
+            weight = -assembly.strip.mass * stage.gravity[2]
         for name in ENDS:
             edge = stage.edges.get(name)
             if edge is None:
@@ -466,7 +463,7 @@ TORQUE_SHARES = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1)
 def beyond_capacity(preview: Preview) -> Iterator[str]:
     """Stages that pull at both ends by more than the rollers can hold, which alone hold there."""
     assembly = preview.assembly
-    turn = sum(preview.turn(r) for r in assembly.rollers if r.name not in assembly.turning)
+    turn = sum(preview.turn(roller) for roller in assembly.driven)
     for pulled in pulled_at_both_ends(preview):
         for end, other in (ENDS, ENDS[::-1]):
             high, low, stage = pulled.ends[end], pulled.ends[other], pulled.stage
@@ -555,7 +552,7 @@ def holding_coefficient(preview: Preview, pulled: Pulled) -> str:
     """
     assembly, high = preview.assembly, max(pulled.ends.values())
     own = {s.name: s.friction for s in assembly.scene.rollers if s.friction is not None}
-    driven = {r.name: preview.turn(r) for r in assembly.rollers if r.name not in assembly.turning}
+    driven = {roller.name: preview.turn(roller) for roller in assembly.driven}
     common = [name for name, turn in driven.items() if turn and name not in own]
     turn = sum(driven[name] for name in common)
     bent = max(taken_by_bending(preview, roller) for roller in assembly.rollers)
@@ -620,7 +617,6 @@ def largest_tensions(
     """
     assembly, forth = preview.assembly, end == ENDS[-1]
     thread, given = assembly.thread, assembly.scene.threading
-    specs = {spec.name: spec for spec in assembly.scene.rollers}
     if thread is None or given is None:  # flat
         order = sorted(assembly.rollers, key=lambda roller: float(roller.centre[0]))
         heights = [0.0] * (len(order) + 2)
@@ -647,7 +643,7 @@ def largest_tensions(
         if roller.name in assembly.turning:
             torque = pulled.torques.get(roller.name, 0.0) * roller.sense
             carried = torque * carrying_sense(roller, thread)
-            gained = specs[roller.name].bearing + (-carried if forth else carried)
+            gained = assembly.specs[roller.name].bearing + (-carried if forth else carried)
             held = pull + gained / (roller.radius * assembly.strip.width)
             most = min(most, max(held, tension_after(preview, roller, pull, -1.0)))
         pull = max(most, 0.0)
@@ -794,8 +790,7 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
     Not those between which strip stretches as much, by less tension than they hold, or yields.
     """
     assembly = preview.assembly
-    driven = (r for r in assembly.rollers if r.name not in assembly.turning)
-    touched = [roller for roller in driven if preview.turn(roller) > 0.0]
+    touched = [roller for roller in assembly.driven if preview.turn(roller) > 0.0]
     if assembly.friction is None:
         return
     grip = min((holding_ratio(preview, roller) for roller in touched), default=1.0)
@@ -844,7 +839,7 @@ def opposed_nip(preview: Preview) -> Iterator[str]:
     """
     assembly = preview.assembly
     rub = {spec.name for spec in assembly.scene.rollers if coefficient_on(assembly.scene, spec)}
-    driven = [r for r in assembly.rollers if r.name in rub and r.name not in assembly.turning]
+    driven = [roller for roller in assembly.driven if roller.name in rub]
     carried = carrying_speeds(assembly, driven)
     for (stage, last), nips in zip(carried, assembly.layout.nips[1:], strict=True):
         for nip in nips if stage.steady or assembly.rubs(stage) else ():
@@ -867,8 +862,8 @@ def opposed_nip(preview: Preview) -> Iterator[str]:
 def standing_rollers(preview: Preview) -> Iterator[str]:
     """Driven rollers without any speed, over which strip slides that comes in at a given one."""
     assembly = preview.assembly
-    driven = (roller for roller in assembly.rollers if roller.name not in assembly.turning)
-    touched = [r for r in driven if preview.turn(r) > 0.0 and holding_ratio(preview, r) > 1.0]
+    driven = [roller for roller in assembly.driven if preview.turn(roller) > 0.0]
+    touched = [roller for roller in driven if holding_ratio(preview, roller) > 1.0]
     for stage, last in carrying_speeds(assembly, touched):
         entry = stage.edges.get("entry")
         given = stage.strip.speed if stage.steady else entry and entry.speed
@@ -898,7 +893,6 @@ def torque_beyond_friction(preview: Preview) -> Iterator[str]:
     both is about what an endless strip has at rest.
     """
     assembly, thread = preview.assembly, preview.assembly.thread
-    specs = {spec.name: spec for spec in assembly.scene.rollers}
     pulls = {pulled.stage.name: pulled for pulled in pulled_at_both_ends(preview)}
     held = "exit" in assembly.scene.edges and "x" in assembly.scene.edges["exit"].fixed
     last = {} if thread is None or held else {thread.rollers[-1].name: preview.tension}
@@ -919,7 +913,7 @@ def torque_beyond_friction(preview: Preview) -> Iterator[str]:
             if assembly.closed:  # at rest about the mean of both
                 tension = BELT_MARGIN * 2.0 * preview.tension / (grip + 1.0)
             most = roller.radius * assembly.strip.width * tension * (grip - 1.0)
-            if not 0.0 < most < abs(control.torque) - specs[roller.name].bearing:
+            if not 0.0 < most < abs(control.torque) - assembly.specs[roller.name].bearing:
                 continue
             key = f"stages.{stage.name}.rollers.{roller.name}.torque"
             half = np.copysign(two_digits(0.5 * most, np.floor), control.torque)
@@ -936,7 +930,7 @@ def turn_by_weight(preview: Preview, roller: Roller) -> float:
     The weight of half of both, across the strip, is what the roller bears besides T θ.
     """
     assembly, found = preview.assembly, 0.0
-    mass = assembly.material.density * assembly.strip.thickness / (preview.tension or np.inf)
+    mass = assembly.strip.mass / (preview.tension or np.inf)
     for plan, string in zip(preview.plans, preview.strings, strict=True):
         gravity, path = plan.controls.at(1.0).get("gravity"), string.path
         if gravity is None or path is None or roller.name not in string.turns:
@@ -1014,7 +1008,7 @@ def slack_by_heat(preview: Preview) -> Iterator[str]:
     weights, laid = strip.weights().ravel(), 0.0
     for stage, plan in zip(preview.stages, preview.plans, strict=True):
         ends = [stage.edges[name] for name in ENDS if name in stage.edges]
-        led = ends or stage.steady or any(turn.move for turn in stage.rollers.values())
+        led = ends or stage.steady or stage.moves
         if not assembly.closed and (held != set(ENDS) or led):
             return
         own = eigenstrain(strip, plan.controls.at(1.0))
@@ -1048,8 +1042,7 @@ def tips_over(preview: Preview) -> Iterator[str]:
     if assembly.thread is not None or held or above or not weighed:
         return
     first, last = assembly.strip.span
-    axes = [roller.centre[0] for roller in assembly.rollers]
-    places = [x for x in axes if first <= x <= last]
+    places = [r.centre[0] for r in assembly.rollers if first <= r.centre[0] <= last]
     if places and not min(places) < 0.5 * (first + last) < max(places):
         yield (
             f"the strip, from x = {first:g} to {last:g} m, tips over in stage {weighed[0]}: the "
@@ -1165,8 +1158,8 @@ def borne_weight(preview: Preview, roller: Roller) -> float:
     places += [each.centre[0] for each in assembly.rollers if each.centre[2] < 0.0]
     before = max((0.5 * (place + x) for place in places if place < x), default=ends[0])
     behind = min((0.5 * (place + x) for place in places if place > x), default=ends[1])
-    mass = assembly.material.density * assembly.strip.thickness * assembly.strip.width
-    return mass * max(-min(gravity), 0.0) * (behind - before)
+    weight = assembly.strip.mass * assembly.strip.width * max(-min(gravity), 0.0)
+    return weight * (behind - before)
 
 
 def off_one_roller(force: float, load: float) -> float:
@@ -1216,9 +1209,8 @@ def nip_friction(assembly: Assembly, nip: Nip, load: float, sure: float) -> floa
 
 def driven_friction(assembly: Assembly, nip: Nip) -> float:
     """Return the sum of the friction coefficients of those of its rollers that are driven."""
-    driven = set(nip.names) - set(assembly.turning)
-    specs = (spec for spec in assembly.scene.rollers if spec.name in driven)
-    return sum(coefficient_on(assembly.scene, spec) for spec in specs)
+    driven = (assembly.specs[name] for name in nip.names if name not in assembly.turning)
+    return sum(coefficient_on(assembly.scene, spec) for spec in driven)
 
 
 def typed_place(assembly: Assembly, stage: str, roller: Roller, centre: Array) -> str:
@@ -1228,8 +1220,7 @@ def typed_place(assembly: Assembly, stage: str, roller: Roller, centre: Array) -
     """
     key, value = f"rollers.{roller.name}.centre", np.asarray(centre + assembly.origin)
     for each in assembly.scene.course:
-        control = each.rollers.get(roller.name)
-        if control is not None and control.move is not None:
+        if roller.name in each.moves:
             key = f"stages.{each.name}.rollers.{roller.name}.move"
             value = centre - np.asarray(roller.centre)
         if each.name == stage:
@@ -1242,7 +1233,7 @@ def closer_rollers(assembly: Assembly, stage: str, nip: Nip, squeeze: float) -> 
 
     Of its rollers the one that moves, else the second.
     """
-    moved = {name for each in assembly.scene.stages for name, c in each.rollers.items() if c.move}
+    moved = {name for each in assembly.scene.stages for name in each.moves}
     here, other = nip.second, nip.first
     if other.name in moved and here.name not in moved:
         here, other = other, here
@@ -1420,7 +1411,7 @@ def sinking_exit(preview: Preview) -> Iterator[str]:
     if thread is None or given is None or given.exit is None or preview.tension == 0.0:
         return
     gravity = max((-stage.gravity[2] for stage in scene.stages if stage.gravity), default=0.0)
-    weight = preview.assembly.material.density * preview.assembly.strip.thickness * gravity
+    weight = preview.assembly.strip.mass * gravity
     last = thread.rollers[-1]
     run = abs(given.exit[0] - preview.assembly.origin[0] - float(last.centre[0]))
     turn = weight * run / preview.tension
@@ -1469,8 +1460,7 @@ def lifting_pressure(preview: Preview) -> Iterator[str]:
     T/p, which there is none of for p > 2 T/L, and takes p L/2T of the wrap, a run to an end that is
     free across p L/T.  Weight across a run counts against p, or with it.
     """
-    scene, tension = preview.assembly.scene, preview.tension
-    mass = preview.assembly.material.density * preview.assembly.strip.thickness
+    scene, tension, mass = preview.assembly.scene, preview.tension, preview.assembly.strip.mass
     radii = {roller.name: roller.radius for roller in scene.rollers}
     for stage, plan, string in zip(preview.stages, preview.plans, preview.strings, strict=True):
         pressure, path = stage.pressure or 0.0, string.path
@@ -1548,22 +1538,8 @@ def side_of_return(preview: Preview) -> Iterator[str]:
 
 
 PHYSICS_RULES = (
-    side_of_return,
-    lifting_pressure,
-    lifted_off_by_pressure,
-    sinking_exit,
-    turning_pull,
-    nip_forces,
-    heavy_bearings,
-    slack_edge,
-    uneven_fibres,
-    loose_fibres,
-    untouched_roller,
-    sideways_entry,
-    beyond_yield,
-    stretched_beyond_yield,
-    gravity_upwards,
-    unequal_speeds,
-    opposed_nip,
-    standing_rollers,
-)
+    side_of_return, lifting_pressure, lifted_off_by_pressure, sinking_exit, turning_pull,
+    nip_forces, heavy_bearings, slack_edge, uneven_fibres, loose_fibres, untouched_roller,
+    sideways_entry, beyond_yield, stretched_beyond_yield, gravity_upwards, unequal_speeds,
+    opposed_nip, standing_rollers,
+)  # fmt: skip

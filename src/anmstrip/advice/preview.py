@@ -16,7 +16,7 @@ from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.linalg.direct import Factors, SingularTangentError
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Controls
-from anmstrip.mechanics.roller import Roller
+from anmstrip.mechanics.roller import Roller, placed
 from anmstrip.mechanics.string_path import (
     End,
     FixedEnd,
@@ -28,12 +28,7 @@ from anmstrip.mechanics.string_path import (
 )
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, EdgeSpec
-from anmstrip.simulation.defaults import (
-    bending_stiffness,
-    held_ends,
-    largest_force,
-    tension_of_moves,
-)
+from anmstrip.simulation import defaults
 from anmstrip.simulation.meshing import axis_crossing
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course, uniform_stretch
@@ -72,7 +67,7 @@ class Preview:
     @property
     def tension(self) -> float:
         """Largest force of the scene (N/m)."""
-        return largest_force(self.assembly.scene)
+        return defaults.largest_force(self.assembly.scene)
 
     @property
     def steepest(self) -> StringEstimate:
@@ -124,13 +119,13 @@ def string_estimate(course: Course) -> StringEstimate:
     moved by as much turns by that over (4 D/k)^(1/4) or √(T/k), whichever is longer.
     """
     a, values = course.assembly, course.values
-    weight = a.material.density * a.strip.thickness * abs(values.get("gravity", np.zeros(3))[2])
+    weight = a.strip.mass * abs(values.get("gravity", np.zeros(3))[2])
     load = float(weight + abs(values.get("pressure", 0.0)))
 
-    tension = largest_force(a.scene) or tension_of_moves(a.scene)
-    held = len(held_ends(a.scene)) == len(ENDS)
+    tension = defaults.largest_force(a.scene) or defaults.tension_of_moves(a.scene)
+    held = len(defaults.held_ends(a.scene)) == len(ENDS)
     stretches = held * a.scene.material.young * a.strip.thickness
-    k, bends = a.scene.strip.foundation or 0.0, bending_stiffness(a.scene)
+    k, bends = a.scene.strip.foundation or 0.0, defaults.bending_stiffness(a.scene)
     reach = max((4.0 * bends / k) ** 0.25, np.sqrt(tension / k), 1e-300) if k else np.inf
 
     def sag(span: float) -> float:
@@ -191,13 +186,9 @@ def laid_string(course: Course) -> tuple[StringPath, list[tuple[Roller, float]],
         across.sort(key=lambda roller: roller.centre[0])
         rollers = [(roller, 1.0 if roller.centre[2] < 0.0 else -1.0) for roller in across]
     while rollers:
-        centres, radii = [], []
-        for roller, _ in rollers:
-            centre, axis = values[f"rollers.{roller.name}.centre"], roller.unit_axis
-            s = -centre[1] / axis[1]
-            centres.append((centre + s * axis)[[0, 2], None])
-            radii.append([float(roller.radius_at(s) + roller.half)])
-        crossed = [roller.name in crossing for roller, _ in rollers]
+        here = placed([roller for roller, _ in rollers], values)
+        centres, radii = zip(*(roller.section(np.zeros(1)) for roller in here), strict=True)
+        crossed = [roller.name in crossing for roller in here]
         given = centres, radii, [float(sense) for _, sense in rollers]
         try:
             path = string_path(*given, entry, exit, crossed)
@@ -228,9 +219,8 @@ def carried_span(course: Course, path: StringPath, gaps: Mapping[str, float]) ->
     joints, longest = path.at(path.starts[:, 0], 0)[0], 0.0
     for (x, z), (end, low) in zip(joints.T[:-1:2], joints.T[1::2], strict=True):
         marks = [x, end]
-        for roller in course.assembly.rollers:
-            at = np.asarray(course.values[f"rollers.{roller.name}.centre"])
-            place = axis_crossing(roller) + (at - np.asarray(roller.centre))[[0, 2]]
+        for roller in placed(course.assembly.rollers, course.values):
+            place = axis_crossing(roller)
             share = (place[0] - x) / (end - x) if end != x else 0.0
             below = 0.0 < share < 1.0 and place[1] < z + share * (low - z)
             if below and gaps.get(roller.name, np.inf) < REACHED_SAG * abs(end - x):
@@ -243,10 +233,8 @@ def roller_gaps(course: Course, places: Array) -> dict[str, float]:
     """Return the least gap (m) between every roller and straight pieces between places, (2, n)."""
     gaps, step = {}, np.diff(places)
     longest = float(np.hypot(*step).max(initial=0.0))
-    for roller in course.assembly.rollers:
-        at = np.asarray(course.values[f"rollers.{roller.name}.centre"])
-        centre = axis_crossing(roller) + (at - np.asarray(roller.centre))[[0, 2]]
-        way = centre[:, None] - places[:, :-1]
+    for roller in placed(course.assembly.rollers, course.values):
+        way = axis_crossing(roller)[:, None] - places[:, :-1]
         distance = np.sqrt((way**2).sum(axis=0))
         near = distance <= distance.min() + longest  # others are behind these pieces
         way, piece = way[:, near], step[:, near]
@@ -356,7 +344,7 @@ def flat_states(
     )
     if first:
         bends = assembly.scene.strip.bending
-        drawn = tension_of_moves(assembly.scene) if bends else assembly.scales.tension
+        drawn = defaults.tension_of_moves(assembly.scene) if bends else assembly.scales.tension
         tension = max(along + pulls) or min(most, drawn)
         yield plan, uniform_stretch(assembly, tension, end)
         return
@@ -370,17 +358,14 @@ def flat_states(
         yield run, uniform_stretch(assembly, tension, end)
 
 
-def motions_at(
-    assembly: Assembly, plan: StageProblem, full: Array, control: float
-) -> Iterator[str]:
+def motions_at(assembly: Assembly, plan: StageProblem, full: Array, share: float) -> Iterator[str]:
     """Yield a sentence for every motion that nothing holds at a state, at a share of its stage."""
     free, model = plan.supports.free, plan.model
     held, u, rate = full.copy(), full[free], 1.0 / plan.duration
     held[free] = 0.0
     velocity = AffineVelocity(rate, -rate * u, np.zeros_like(u)) if plan.in_time else None
     still = replace(plan.supports, start=held, slope=np.zeros_like(full), bow=None)
-    rest = still, Controls(plan.controls.at(control))
-    equations = Equilibrium(model, *rest, velocity)
+    equations = Equilibrium(model, still, Controls(plan.controls.at(share)), velocity)
     series, force = equations.recurrence(u, 1.0, 1), model.scales.force
     try:
         factors = SparseSolver().factorise(series.tangent())
@@ -453,8 +438,7 @@ def unheld_words(scene: SceneSpec, stage: str, component: str) -> str:
         if edge in each.edges and each.edges[edge].release:
             key = f"stages.{each.name}.{edge}.release=false"
             return f"nothing holds the strip in {component}. Try --set {key}"
-    fixed = sorted({*before, component})
-    key = f"'edges.{edge}.fixed={json.dumps(fixed)}'"
+    key = f"'edges.{edge}.fixed={json.dumps(sorted({*before, component}))}'"
     if component == "y":
         key = f"edges.{edge}.centred=true"
     names = [each.name for each in scene.course]

@@ -280,7 +280,7 @@ def why_speed_is_free(preview: Preview) -> str:
 
 def lifted_off(state: State, scene: SceneSpec) -> Iterator[str]:
     """Rollers that the strip is threaded around, and bent does not touch where it came to be."""
-    moved = {name for stage in scene.stages for name, turn in stage.rollers.items() if turn.move}
+    moved = {name for stage in scene.stages for name in stage.moves}
     laid = state.plan.name != THREADING or state.control == 1.0
     for roller in scene.rollers if laid else ():
         contact = state.contacts.get(roller.name)
@@ -303,10 +303,7 @@ def undriven(state: State, scene: SceneSpec) -> Iterator[str]:
     if not state.plan.steady or state.plan.model.coupled - 1 not in state.plan.supports.free:
         return
     driven = [spec.name for spec in scene.rollers if spec.drive == "speed"]
-    touching = [
-        name for name in driven if name in state.contacts and state.contacts[name].touching.any()
-    ]
-    if driven and not touching:
+    if driven and state.touched.keys().isdisjoint(driven):
         came = "stands still" if stands(state) else f"came to {state.strip_speed:.3g} m/s"
         yield (
             f"nothing says how fast the strip runs, since no driven roller touches it: it {came}. "
@@ -489,7 +486,7 @@ def buckled_section(state: State, scene: SceneSpec) -> Iterator[str]:
     if state.membrane is None or strip.count != 2 or not given.bending or given.foundation:
         return
     begin, end = strip.span
-    arcs = sorted(contact.arc for contact in state.contacts.values() if contact.touching.any())
+    arcs = sorted(contact.arc for contact in state.touched.values())
     places, forces = quadrature_points(strip)[0], state.membrane_forces[0, 0]
     held = {name for name, edge in scene.edges.items() if "z" in edge.fixed}
     loose = [name for name in ENDS if name not in held]
@@ -662,7 +659,7 @@ def heavy_pass(preview: Preview) -> Iterator[str]:
 def weight_of(preview: Preview, plan: StageProblem) -> float:
     """Return the weight of the strip at the end of a stage, per area (Pa)."""
     strip, gravity = preview.assembly.strip, plan.controls.at(1.0).get("gravity", np.zeros(3))
-    return float(np.linalg.norm(gravity)) * strip.material.density * strip.thickness
+    return float(np.linalg.norm(gravity)) * strip.mass
 
 
 # others ------------------------------------------------------------------------------------------
@@ -904,50 +901,21 @@ def needless_shell(preview: Preview) -> Iterator[str]:
 
 
 SERIOUS_RULES = (
-    physics.roller_in_the_way,
-    physics.roller_beyond_strip,
-    physics.meeting_rollers,
-    physics.turned_axis,
-    physics.roller_over_an_end,
-    physics.rollers_without_friction,
-    sharp_roller,
-    soft_contact,
-    onset_near_round_off,
-    slack_start,
-    unheld_strip,
-    released_strip,
-    physics.beyond_capacity,
-    physics.torque_beyond_friction,
-    physics.strip_without_tension,
-    physics.slack_by_heat,
-    physics.strip_runs_out,
-    slack_end,
-    heavy_strip,
-    heavy_pass,
+    physics.roller_in_the_way, physics.roller_beyond_strip, physics.meeting_rollers,
+    physics.turned_axis, physics.roller_over_an_end, physics.rollers_without_friction,
+    sharp_roller, soft_contact, onset_near_round_off, slack_start, unheld_strip, released_strip,
+    physics.beyond_capacity, physics.torque_beyond_friction, physics.strip_without_tension,
+    physics.slack_by_heat, physics.strip_runs_out, slack_end, heavy_strip, heavy_pass,
     strict_tolerance,
-)
+)  # fmt: skip
 OTHER_RULES = (
-    free_motions,
-    coarse_mesh,
-    coarse_hinges,
-    slipping_friction,
-    growing_wraps,
-    rates_of_labels,
-    needless_shell,
-    pulled_twice,
-    *physics.PHYSICS_RULES,
-)
+    free_motions, coarse_mesh, coarse_hinges, slipping_friction, growing_wraps, rates_of_labels,
+    needless_shell, pulled_twice, *physics.PHYSICS_RULES,
+)  # fmt: skip
 RULES_AT_END = (
-    lifted_off,
-    undriven,
-    standing_idlers,
-    unbalanced_idlers,
-    spinning_rollers,
-    overstretched,
-    held_across,
-    buckled_section,
-    unresolved_waves,
-)
+    lifted_off, undriven, standing_idlers, unbalanced_idlers, spinning_rollers, overstretched,
+    held_across, buckled_section, unresolved_waves,
+)  # fmt: skip
 
 
 def propose_one_mesh(told: Sequence[str]) -> list[str]:
@@ -1057,9 +1025,8 @@ def against_section(preview: Preview) -> Iterator[str]:
     for stage in scene.stages:
         if stage.gravity is not None and stage.gravity[1]:
             yield f"stage {stage.name} has gravity across the strip"
-        for name, roller_control in stage.rollers.items():
-            if roller_control.move is not None and roller_control.move[1]:
-                yield f"stage {stage.name} moves {name} across the strip"
+        for name in (name for name, move in stage.moves.items() if move[1]):
+            yield f"stage {stage.name} moves {name} across the strip"
         for name, c in stage.edges.items():
             given = (c.force, c.move, c.velocity)
             if name in ENDS and any(v is not None and v[1] for v in given):

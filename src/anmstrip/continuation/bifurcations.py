@@ -212,14 +212,9 @@ class _Finder:
         push = np.cos(np.arange(1.0, len(here.residual) + 1.0) ** 2)
         answer = factors.solve(push)
         push *= PERTURBATION * size(self.equations, here.u[1]) / size(self.equations, answer)
-        pushed = expand(
-            _Pushed(self.equations, push),
-            here.u[0],
-            float(here.control[0]),
-            order=here.order,
-            solver=_GivenFactors(factors),
-            parameter=self.parameter,
-        )
+        equations, u, control = _Pushed(self.equations, push), here.u[0], float(here.control[0])
+        ways: dict[str, Any] = {"solver": _GivenFactors(factors), "parameter": self.parameter}
+        pushed = expand(equations, u, control, order=here.order, **ways)
         return pushed.u[-2] - here.u[-2], pushed.u[-1] - here.u[-1]
 
 

@@ -148,14 +148,8 @@ def expand(
         with cost.timed("series"):
             recurrence.correct(k, u_k, control_k)
             right = recurrence.advance(k + 1)
-    return Branch(
-        u=np.array(u_orders),
-        control=np.array(control_orders),
-        length=np.inf,
-        residual=recurrence.residual,
-        carried_over=carried_over,
-        forces=(forces[-2], forces[-1]),
-    )
+    u, controls, last = np.array(u_orders), np.array(control_orders), (forces[-2], forces[-1])
+    return Branch(u, controls, np.inf, recurrence.residual, carried_over, last)
 
 
 def _is_seen(force: float, k: int, reach: float, tolerance: float) -> bool:
@@ -207,12 +201,10 @@ def validate(
     while error > tolerance:
         guess *= np.clip(predicted(1.0, error), 0.2, 0.9)
         if guess < 1e-9:
-            raise PathStopped(
-                Outcome.STALLED if np.isfinite(error) else Outcome.NOT_FINITE,
-                float(branch.control[0]),
-                f"the series does not meet the tolerance {tolerance:g} at any length",
-                Evidence(residual=excess_imbalance(equations, branch, guess, cost)),
-            )
+            outcome = Outcome.STALLED if np.isfinite(error) else Outcome.NOT_FINITE
+            detail = f"the series does not meet the tolerance {tolerance:g} at any length"
+            evidence = Evidence(residual=excess_imbalance(equations, branch, guess, cost))
+            raise PathStopped(outcome, float(branch.control[0]), detail, evidence)
         error, imbalance = residual_error(equations, branch, guess, cost, tolerance)
     return branch.cut(guess), imbalance
 
@@ -376,9 +368,7 @@ def as_quotient(equations: Equations, branch: Branch) -> Branch | None:
         if not np.isfinite(largest):
             return None
         padded = np.vstack([np.zeros((degree, terms.shape[1])), terms])
-        columns = [
-            padded[degree + n - last - j : degree + n - j].ravel() for j in range(degree + 1)
-        ]
+        columns = [padded[degree + n - last - j : degree + n - j].ravel() for j in range(n)]
         damping = DENOMINATOR_DAMPING * largest * np.eye(degree)
         matrix = np.vstack([np.stack(columns[1:], axis=1), damping])
         wanted = -np.concatenate([columns[0], np.zeros(degree)])

@@ -103,8 +103,7 @@ def list_trials(assembly: Assembly, scene: Scene) -> Iterator[Trial]:
     strict: Settings = {"solver.tolerance": strictest}
     for name, method in (("tolerance", "series"), ("newton", "newton")):
         for value in chosen:
-            here = {"solver.tolerance": value, "solver.method": method}
-            yield Trial(name, value, here, strict)
+            yield Trial(name, value, {"solver.tolerance": value, "solver.method": method}, strict)
     for order in sorted({assembly.order, *TRIED_ORDERS}):
         yield Trial("order", order, {"solver.tolerance": own, "solver.order": order}, strict)
     if scene.strip.mesh is None:
@@ -207,8 +206,7 @@ class Final:
     @property
     def seconds(self) -> float:
         """Wall time without that of the estimates (s)."""
-        spent: float = self.summary["wall_seconds"] - self.summary["seconds"].get("errors", 0.0)
-        return spent
+        return float(self.summary["wall_seconds"] - self.summary["seconds"].get("errors", 0.0))
 
 
 class Accuracy(Sweep):
@@ -327,13 +325,11 @@ class Accuracy(Sweep):
         heads = ("T, true\n(N/m)", "estimated\n(N/m)", "force, true\n(N)", "estimated\n(N)")
         more = ("position, true\n(m)", "estimated\n(m)", "\nseconds", "\ntangents")
         table = plain_table("Errors and what they cost", "\nalong", "\nvalue", *heads, *more)
+        errors = [f"{of}_{kind}" for kind in ERROR_KINDS for of in ("true", "estimated")]
         for row in self.results():
             value = self.mesh_words(row) if row["along"] == "mesh" else row["value"]
             told = value if isinstance(value, str) else f"{value:.3g}"
-            errors = [
-                row.get(f"{of}_{kind}") for kind in ERROR_KINDS for of in ("true", "estimated")
-            ]
-            cells = [cell(error, ".2g") for error in errors]
+            cells = [cell(row.get(error), ".2g") for error in errors]
             spent = f"{row['seconds']:.2f}" if "seconds" in row else row["status"]
             table.add_row(row["along"], told, *cells, spent, str(row.get("tangents") or "–"))
         return f"{text_of([table], width=110)}\n{self.advice()}"

@@ -7,7 +7,7 @@ the mesh a scene is made on elements of half the length; its states are taken th
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -34,11 +34,10 @@ from anmstrip.fem.sampling import l2_projection
 from anmstrip.fem.strip import Strip, line, renumbered
 from anmstrip.linalg.direct import SingularTangentError
 from anmstrip.linalg.solvers import SparseSolver
-from anmstrip.mechanics.effects import Controls, Effect
+from anmstrip.mechanics.effects import Controls, Effect, Values
 from anmstrip.results.files import ERROR_WORDS
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import COLUMN_SHARE, TRACKED_MODES, Onset, Span, buckling, free_spans
-from anmstrip.scene.schema import StageSpec
 from anmstrip.scene.tables import ENDS
 from anmstrip.simulation.meshing import mesh_density
 from anmstrip.simulation.problem import Assembly
@@ -149,11 +148,6 @@ class Budget:
         """The scene on elements of half the length; None if it cannot be."""
         return Halved.of(self.assembly) if self.assembly.can_halve else None
 
-    @property
-    def warnings(self) -> list[str]:
-        """Sentences about the last state of a run that is done."""
-        return [*self.of_path, *self.of_mesh]
-
     def useless(self, tensions: Iterable[float]) -> list[str]:
         """Sentences about errors as large as what they are errors of: largest tension, half width.
 
@@ -253,14 +247,11 @@ class Budget:
         wrong += f", above solver.mesh_tolerance = {asked:g} of {scale:.5g} N/m" if asked else ""
         return [f"{wrong}: elements of half the length have others. {more}", *told]
 
-    def look(
-        self, stage: StageSpec, state: State, memory: Memory | None, released: Collection[str]
-    ) -> None:
+    def look(self, state: State, memory: Memory | None, released: Collection[str]) -> None:
         """Estimate the errors of the last state of a stage, or of the one where a run stopped.
 
         Parameters
         ----------
-        stage : StageSpec
         state : State
         memory : Memory or None
             Of a stage in time, with the errors that its steps have carried on.
@@ -283,11 +274,11 @@ class Budget:
                 self.parts |= zip(names, in_time, strict=True)
         if any(len(passage.names) > 1 for passage in state.passages):
             self.parts["regularisation"] = None  # a nip presses as its law makes of its gap
-        if self.halved is not None and (stage.steady or self.assembly.flow is None):
+        if self.halved is not None and (state.plan.steady or self.assembly.flow is None):
             told = "estimating the errors by the mesh, on elements of half the length, %d unknowns"
             logging.getLogger(__name__).info(told, self.halved.unknowns)
             try:
-                self.look_finer(self.halved, stage, exact, released)
+                self.look_finer(self.halved, exact, released)
             except MemoryError:  # what is solved stays; nothing is known of the mesh
                 self._forget()
         self.time = state.time
@@ -391,12 +382,10 @@ class Budget:
         found["membrane_force"] = float(np.abs(forces).max())
         return found
 
-    def finer_problem(
-        self, halved: Halved, stage: StageSpec, state: State, released: Collection[str]
-    ) -> StageProblem:
+    def finer_problem(self, finer: Halved, state: State, released: Collection[str]) -> StageProblem:
         """Return the problem of a state on elements of half the length."""
         loads = {f"{name}.force": self.loads[name] for name in released if name in self.loads}
-        plan = halved.problem(stage, state, released, loads)
+        plan = finer.problem(state, released, loads)
         pressures = (float(c.pressure.max(initial=0.0)) for c in state.contacts.values())
         largest = max(pressures, default=0.0)
         if largest > 0.0:
@@ -404,9 +393,7 @@ class Budget:
             plan = replace(plan, model=plan.model.with_effects(effects))
         return plan
 
-    def loads_on_halves(
-        self, stage: StageSpec, onset: Onset, released: Collection[str]
-    ) -> dict[str, float] | None:
+    def loads_on_halves(self, onset: Onset, released: Collection[str]) -> dict[str, float] | None:
         """Return at which loads an onset of wrinkles is on elements of half the length.
 
         By the factor of its mode there, in the state that was found here.
@@ -419,22 +406,20 @@ class Budget:
         """
         if self.halved is None or onset.beside is None or self.assembly.imperfection is not None:
             return None
-        plan = self.finer_problem(self.halved, stage, onset.state, released)
+        plan = self.finer_problem(self.halved, onset.state, released)
         try:
             factors = buckling_factors(balance_state(plan, onset.state))[onset.number :]
         except MemoryError:
             return None
         return onset.loads_by(float(factors[0])) if len(factors) and factors[0] > 0.0 else None
 
-    def look_finer(
-        self, halved: Halved, stage: StageSpec, state: State, released: Collection[str]
-    ) -> None:
+    def look_finer(self, halved: Halved, state: State, released: Collection[str]) -> None:
         """Balance a state on elements of half the length.
 
         What sticks has kept the error from the end of the stage before, as in one step of the
         backward Euler method over all of this stage.
         """
-        plan = self.finer_problem(halved, stage, state, released)
+        plan = self.finer_problem(halved, state, released)
         start, elapsed = plan.supports.start, state.time - self.time
         velocity = None
         if plan.in_time and state.velocity is not None:
@@ -540,7 +525,7 @@ are left, beyond which it is given up: it crawls past a limit point.  Of 328 pat
 that arrive one comes to 4, and the others to 0.3 at most; a furnace beyond its limit has 65."""
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, repr=False)
 class Halved(Assembly):
     """The assembly of a scene on elements of half the length.
 
@@ -604,10 +589,8 @@ class Halved(Assembly):
         Shapes (functions of one element, elements, points) and (functions of one, elements).
         """
         basis, (parents, local) = self.coarse.strip.basis, self.children
-        fields = [
-            np.asarray(basis.elem.gbasis(basis.mapping, local, number, tind=parents)[0])
-            for number in range(basis.Nbfun)
-        ]
+        elem, at = basis.elem, (basis.mapping, local)
+        fields = [np.asarray(elem.gbasis(*at, i, tind=parents)[0]) for i in range(basis.Nbfun)]
         return np.array(fields), basis.element_dofs[:, parents]
 
     def inherited_flow(self, full: Array) -> Array:
@@ -624,14 +607,11 @@ class Halved(Assembly):
         functions = powers.reshape(len(parents), -1, len(own))
         return np.einsum("epq,leq->lep", functions, values[:, parents]).ravel()
 
-    def problem(
-        self, stage: StageSpec, state: State, released: Iterable[str], more: Mapping[str, Array]
-    ) -> StageProblem:
-        """Return a stage on this mesh, with all that is given held as it is in a state.
+    def problem(self, state: State, released: Iterable[str], more: Values) -> StageProblem:
+        """Return the stage of a state on this mesh, with all that is given held as it is there.
 
         Parameters
         ----------
-        stage : StageSpec
         state : State
             On the given mesh.
         released : iterable of str
@@ -641,9 +621,9 @@ class Halved(Assembly):
         """
         start, control = self.prolonged(state.full), state.control
         values, before = dict(state.controls), self.natural(self.scene.strip)
-        for each in self.scene.course:
-            after = before | self.natural(each.strip)
-            if each.name == stage.name:
+        for stage in self.scene.course:
+            after = before | self.natural(stage.strip)
+            if stage.name == state.plan.name:
                 kept = {key: (1.0 - control) * before.get(key, 0.0) for key in after}
                 values |= {key: kept[key] + control * after[key] for key in after}
                 break
@@ -756,7 +736,6 @@ def balance_state(
         u = path(equations, begin, 0.0).branch.end[0] if found is None else found.u
     except PathStopped:
         return None
-    full, control = plan.supports.full(u, 0.0), state.control
-    if moving is None:
-        return State(plan, state.time, control, full, plan.transport(full, control))
-    return State(plan, state.time, control, full, equations.full_velocity(u, 0.0))
+    full, moved = plan.supports.full(u, 0.0), equations.full_velocity(u, 0.0)
+    moved = plan.transport(full, state.control) if moving is None else moved
+    return State(plan, state.time, state.control, full, moved)

@@ -22,15 +22,7 @@ from anmstrip.results.files import error_rows
 from anmstrip.scene.checks import held_along, moved_ends
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, FieldSpec
-from anmstrip.simulation.defaults import (
-    CREEP_SHARE,
-    elastic_creep,
-    free_across,
-    given_tensions,
-    guides_strip,
-    loose_across,
-    slip_of_held_strip,
-)
+from anmstrip.simulation import defaults
 from anmstrip.simulation.problem import Assembly, flat_gap, naturals
 from anmstrip.taylor.series import record
 
@@ -103,11 +95,11 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
         f"{strip.unknowns} unknowns, kinematics {scene.strip.kinematics}"
         f"{fed}."
     )
-    if loose_across(scene):
+    if defaults.loose_across(scene):
         yield "Nothing else holds the strip in y: the middle of the entry is (edges.entry.centred)."
-    elif free_across(scene):
+    elif defaults.free_across(scene):
         width = scene.strip.width
-        guides = [roller.name for roller in scene.rollers if guides_strip(roller, width)]
+        guides = [roller.name for roller in scene.rollers if defaults.guides_strip(roller, width)]
         shape = f" and the shape of {', '.join(map(str, guides))} alone keep" if guides else ""
         yield f"No edge is held in y: friction{shape or ' alone keeps'} the strip on its rollers."
     if assembly.growth is not None:
@@ -171,11 +163,11 @@ def rate_lines(scene: SceneSpec, assembly: Assembly) -> Iterator[str]:
 
 def origin_of_slip_speed(scene: SceneSpec, speed: float) -> str:
     """Return where the V_c (m/s) of a scene that does not give it comes from."""
-    creep = elastic_creep(scene)
-    if speed > 1.01 * CREEP_SHARE * creep:
-        slip = slip_of_held_strip(scene)
+    creep = defaults.elastic_creep(scene)
+    if speed > 1.01 * defaults.CREEP_SHARE * creep:
+        slip = defaults.slip_of_held_strip(scene)
         return f"a thousandth of the {slip:.2g} m/s at which the held strip comes to slip"
-    under = "" if any(given_tensions(scene)) else " under a usual strain"
+    under = "" if any(defaults.given_tensions(scene)) else " under a usual strain"
     return f"a tenth of the elastic creep of {creep:.2g} m/s{under}"
 
 
@@ -239,8 +231,7 @@ def memory(effect: Effect, order: int, plan: StageProblem) -> float:
     assert isinstance(effect, LawEffect)
     operator, controls = effect.operator, plan.controls.at(0.0)
     x, law = operator.apply(np.zeros(plan.model.unknowns)), effect.law
-    program = record(lambda x: law(x, x, controls), x, points=operator.points)
-    return program.nbytes(order)
+    return record(lambda x: law(x, x, controls), x, points=operator.points).nbytes(order)
 
 
 def shape_lines(preview: Preview) -> Iterator[str]:
@@ -298,7 +289,6 @@ def geometry_table(preview: Preview) -> Table:
     """
     strip, thread = preview.assembly.strip, preview.assembly.thread
     turning = clockwise_rollers(preview)
-    kinds = {spec.name: spec.drive for spec in preview.assembly.scene.rollers}
     wraps = {} if thread is None else thread.turns
     last = "wrap (°), side" if thread else "gap to the flat strip, wrap (°), side"
     columns = ("radius (m)", "centre (m)", "axis", "passed", "turns", last)
@@ -314,7 +304,8 @@ def geometry_table(preview: Preview) -> Table:
         sides = [s.senses[roller.name] for s in preview.strings if roller.name in s.senses]
         touched = sides and (thread or turn > 0.0 or flat_gap(strip, roller) <= 0.0)
         wrap = f"{np.degrees(turn):.4g}°, {sides[0]}" if touched else "not touched"
-        drive = f", {kinds[roller.name]}" if kinds[roller.name] != "speed" else ""
+        kind = preview.assembly.specs[roller.name].drive
+        drive = f", {kind}" if kind != "speed" else ""
         centre = ", ".join(f"{c:g}" for c in np.add(roller.centre, strip.origin))
         axis = ", ".join(f"{c:.3g}" for c in roller.unit_axis)
         turns = ("" if roller.name in turning else "anti") + "clockwise" + drive
@@ -328,11 +319,10 @@ def first_speeds(preview: Preview) -> tuple[dict[str, float], bool]:
 
     It does if all do that have a wrap and a speed.
     """
-    rollers, thread = preview.assembly.rollers, preview.assembly.thread
+    thread = preview.assembly.thread
     ends = [plan.controls.at(1.0) for plan in preview.plans]
-    told = {
-        r.name: [float(end[f"rollers.{r.name}.surface_speed"]) for end in ends] for r in rollers
-    }
+    names = [roller.name for roller in preview.assembly.rollers]
+    told = {name: [float(end[f"rollers.{name}.surface_speed"]) for end in ends] for name in names}
     given = {name: speed for name, v in told.items() if (speed := next(filter(None, v), 0.0))}
     driving = [given[name] for name in given if thread is not None and name in thread.turns]
     return given, bool(driving) and max(driving) < 0.0
@@ -488,8 +478,8 @@ def report(run: Run, told: Collection[str] = ()) -> str:
         if latent is not None and manifest is not None and latent >= MIN_FLATNESS:
             mean = f"{latent:.3g} I-units latent in the mean along the strip"
             parts.append(f"Flatness: {mean}, {manifest:.3g} in waves where they are highest.")
-        driven = [r.name for r in run.scene.rollers if r.driven]
-        touched = {n: c for n in driven if (c := state.contacts.get(n)) and c.touching.any()}
+        driven = [r.name for r in run.scene.rollers if r.driven and r.name in state.touched]
+        touched = {name: state.contacts[name] for name in driven}
         slid = [n for n in touched if (state.rollers[n].capacity_used or 0.0) > SLIDING_SHARE]
         slid = [n for n in slid if slides(touched[n])]
         if slid:

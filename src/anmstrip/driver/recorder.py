@@ -17,19 +17,9 @@ import numpy as np
 
 from anmstrip.arrays import Array
 from anmstrip.errors import InputError, Mistake, toml_text
+from anmstrip.mechanics.roller import placed
+from anmstrip.results import files
 from anmstrip.results.fields import PROFILE_COLUMNS, FieldSampler, Profile
-from anmstrip.results.files import (
-    START_AFRESH,
-    DirectoryLock,
-    History,
-    load_checkpoint,
-    make_directory,
-    plain,
-    refused_checkpoint,
-    save_checkpoint,
-    write_summary,
-    write_table,
-)
 from anmstrip.results.rollers import STEP_READINGS
 from anmstrip.results.state import State
 from anmstrip.results.vtk import Collection, subdivide, write_rollers, write_surface
@@ -102,8 +92,8 @@ class Recorder:
         resumed: Mapping[str, Any] | None = None,
     ) -> None:
         self.assembly, self.directory, self.errors = assembly, directory, errors
-        make_directory(directory)
-        self.lock = DirectoryLock(directory)
+        files.make_directory(directory)
+        self.lock = files.DirectoryLock(directory)
         kept: Mapping[str, Any] = resumed or {"rows": {}, "time": -1.0, "turned": {}}
         with self.lock:
             self._open_files(kept, resumed is not None)
@@ -136,10 +126,8 @@ class Recorder:
             tables["events.csv"] = EVENT_COLUMNS
         else:
             (directory / "events.csv").unlink(missing_ok=True)
-        self.tables = {
-            name: History(directory / name, names, kept["rows"].get(name, 0))
-            for name, names in tables.items()
-        }
+        rows, given = kept["rows"], tables.items()
+        self.tables = {n: files.History(directory / n, heads, rows.get(n, 0)) for n, heads in given}
 
     def record(self, step: Step, before: State) -> None:
         """Write what is wanted of an accepted step: history, events, its end or instants inside."""
@@ -172,8 +160,7 @@ class Recorder:
         self.tables["profile.csv"].extend(self.profile.columns(state))
         wrong = {"time": state.time, "stage": state.plan.name, **self.errors(state)}
         self.tables["errors.csv"].append(wrong)
-        number = self.strip.count
-        strip, rollers = (f"{name}_{number:05d}.vtu" for name in ("strip", "rollers"))
+        strip, rollers = (f"{name}_{self.strip.count:05d}.vtu" for name in ("strip", "rollers"))
         fields = self.surface.sample(state)
         origin, flat_origin = self.assembly.origin, np.append(self.assembly.flat_origin, 0.0)
         points = self.surface.reference.T + fields["displacement"] + origin
@@ -185,10 +172,8 @@ class Recorder:
         write_surface(self.directory / strip, points, cells, fields)
         self.strip.add(state.time, strip)
         if self.assembly.rollers:
-            moved = []
-            for roller in self.assembly.rollers:
-                centre = state.controls[f"rollers.{roller.name}.centre"] + origin
-                moved.append(replace(roller, centre=tuple(centre)))
+            here = placed(self.assembly.rollers, state.controls)
+            moved = [replace(r, centre=tuple(r.centre + origin)) for r in here]
             angles = [roller.sense * self.turned[roller.name] / roller.radius for roller in moved]
             write_rollers(self.directory / rollers, moved, angles, self.assembly.strip.width)
             self.rollers.add(state.time, rollers)
@@ -211,7 +196,7 @@ class Recorder:
         last = -1.0 if self.strip.last is None else self.strip.last
         kept = {**facts, "rows": rows, "turned": self.turned, "written": last}
         kept["signature"] = signature(arrays, kept)
-        save_checkpoint(self.directory / "checkpoint.npz", arrays, kept)
+        files.save_checkpoint(self.directory / "checkpoint.npz", arrays, kept)
 
     def summary(self, facts: Mapping[str, Any], state: State | None) -> None:
         """Write ``summary.json``; then the directory is free for others."""
@@ -236,14 +221,14 @@ class Recorder:
                 layers = plastic.YieldedStrip(state, state.plasticity)
                 if len(layers.stress) == 1:
                     path = self.directory / "layers.csv"
-                    write_table(path, plastic.LAYER_COLUMNS, layers.rows())
+                    files.write_table(path, plastic.LAYER_COLUMNS, layers.rows())
                 for name, bend in layers.rollers().items():
                     rollers[name]["bend"] = asdict(bend)
         written = {"rollers": rollers, "edges": edges, "input": self.assembly.scene.to_dict()}
         if state is not None and state.strip_speed is not None:
             facts = {**facts, "strip_speed": state.strip_speed}
         summary = {**facts, **written, "versions": versions()}
-        write_summary(self.directory / "summary.json", summary)
+        files.write_summary(self.directory / "summary.json", summary)
         self.lock.release()
 
 
@@ -308,7 +293,7 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any], file: str) ->
             named = named or any(f"{k}.".startswith(f"{table}.") for k in new)
             typed = key in old and key not in UNTYPED_KEYS and whole and named
             back = f"--set {shlex.quote(f'{key}={was}')}, or " * typed
-            yield Mistake(file, key, new.get(key), expected, back + START_AFRESH)
+            yield Mistake(file, key, new.get(key), expected, back + files.START_AFRESH)
 
 
 def derived_keys(scene: SceneSpec) -> set[str]:
@@ -321,7 +306,7 @@ def derived_keys(scene: SceneSpec) -> set[str]:
 
 def signature(arrays: Mapping[str, Array], facts: Mapping[str, Any]) -> str:
     """Return a hash (SHA-256) of this program's version and of all that a checkpoint holds."""
-    known = json.dumps(plain(facts, keep_nonfinite=True), sort_keys=True)
+    known = json.dumps(files.plain(facts, keep_nonfinite=True), sort_keys=True)
     content = hashlib.sha256(f"{version('anmstrip')} {known}".encode())
     for name in sorted(arrays):
         values = np.asarray(arrays[name])
@@ -337,14 +322,15 @@ def read_checkpoint(path: Path, march: March) -> tuple[dict[str, Array], dict[st
     InputError
         There is none, it is not as a run has written it, or the scene differs from that of the run.
     """
-    arrays, facts = load_checkpoint(path)
+    arrays, facts = files.load_checkpoint(path)
     if facts.pop("signature", None) != signature(arrays, facts):
-        raise refused_checkpoint(path, "damaged, or written by another version of this program")
+        reason = "damaged, or written by another version of this program"
+        raise files.refused_checkpoint(path, reason)
     if mistakes := list(differences(facts["input"], identity(march.assembly), str(path))):
         if len(mistakes) > MOST_DIFFERENCES:
-            raise refused_checkpoint(path, f"another scene: {len(mistakes)} keys differ")
+            raise files.refused_checkpoint(path, f"another scene: {len(mistakes)} keys differ")
         derived = derived_keys(march.assembly.scene)  # nobody typed what follows
         raise InputError([m for m in mistakes if m.key not in derived] or mistakes)
     if arrays["full"].shape != (march.assembly.unknowns,):
-        raise refused_checkpoint(path, f"{len(arrays['full'])} unknowns")
+        raise files.refused_checkpoint(path, f"{len(arrays['full'])} unknowns")
     return arrays, facts

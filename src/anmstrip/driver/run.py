@@ -26,7 +26,7 @@ from anmstrip.advice.warnings import (
 )
 from anmstrip.arrays import Array
 from anmstrip.continuation.follow import Pace
-from anmstrip.continuation.path import Cost, Outcome, PathStopped
+from anmstrip.continuation.path import Outcome, PathStopped
 from anmstrip.driver.budget import LARGE_MESH_ERROR, Budget, Part, tension_readings
 from anmstrip.driver.recorder import Recorder, history_row, identity, kept_values, read_checkpoint
 from anmstrip.equilibrium import StageProblem
@@ -229,6 +229,10 @@ class Run:
         The same in a sentence.
     warnings : list of str
         What the scene and the last state of a written run give cause for.
+    cost : Cost
+        Factorisations and back-substitutions so far.
+    end_time : float
+        Sum of the stages' durations (s).
 
     Raises
     ------
@@ -255,7 +259,7 @@ class Run:
         bent = None if scene.strip.imperfection is None else imperfection_of(scene)
         a = self.assembly = Assembly(scene, bent, tuple(effects))
         self.scene, self.march, self.identity = a.scene, March(a), identity(a)
-        self.budget = Budget(a)
+        self.cost, self.end_time, self.budget = self.march.cost, a.scene.ends[-1], Budget(a)
         self.steps, self.first_stage = 0, 0
         self.effects: dict[str, dict[str, Any]] = {}
         self.stages: dict[str, dict[str, Any]] = {}
@@ -294,11 +298,6 @@ class Run:
             errors = partial(errors_of, self.budget, self.march)
             self.recorder = Recorder(a, self.directory, errors, resumed)
 
-    @property
-    def cost(self) -> Cost:
-        """Factorisations and back-substitutions so far."""
-        return self.march.cost
-
     def forewarnings(self) -> list[str]:
         """Return what the scene alone gives cause for, before anything is solved."""
         if self._forewarnings is None:
@@ -328,11 +327,6 @@ class Run:
     def __repr__(self) -> str:
         name = self.scene.title or self.scene.name
         return f"<Run of {name!r}: {self.steps} steps. {self.message}>"
-
-    @property
-    def end_time(self) -> float:
-        """Sum of the stages' durations (s)."""
-        return self.scene.ends[-1]
 
     def __iter__(self) -> Iterator[Step]:
         with nullcontext() if self.recorder is None else self.recorder.lock:
@@ -418,7 +412,7 @@ class Run:
             march, before = self.march, self.budget.time
             if self.state.time > before and self.state.plan.name == stage.name:
                 with self.cost.timed("errors"):
-                    self.budget.look(stage, self.state, march.memory, march.course.released)
+                    self.budget.look(self.state, march.memory, march.course.released)
 
     def _accept(self, step: Step) -> Step:
         """Count a step, look for events and snaps in it, and write it down."""
@@ -469,10 +463,8 @@ class Run:
         """Return the facts of an onset, with its loads on the finer mesh if it is the first."""
         facts = onset.facts
         if all(told["kind"] != onset.kind for told in self.wrinkles) and self.is_estimated:
-            stage = next(each for each in self.scene.course if each.name == facts["stage"])
             with self.cost.timed("errors"):
-                released = self.march.course.released
-                facts["on_halves"] = self.budget.loads_on_halves(stage, onset, released)
+                facts["on_halves"] = self.budget.loads_on_halves(onset, self.march.course.released)
         self.wrinkles.append(facts)
         return facts
 
@@ -529,8 +521,8 @@ class Run:
         known = {key for words in seen for key in proposed_keys(words)}
         told = [words for words in self.forewarnings() if words not in settled]
         told = [words for words in told if known.isdisjoint(proposed_keys(words))]
-        found = self.budget.warnings if self.outcome.done else self.budget.of_mesh
-        found = [*found, *self._moved_onsets]
+        found = self.budget.of_path if self.outcome.done else []
+        found = [*found, *self.budget.of_mesh, *self._moved_onsets]
         if wrinkling is not None:
             found += self._of_wrinkles(state, wrinkling)
         beside = beside_rollers(state, self.scene)

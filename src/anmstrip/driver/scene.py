@@ -169,8 +169,7 @@ class SharpenedRun(Run):
             if sharp or useless or len(self.passes) == MAX_RUNS or laws == sharper:
                 self._finish()
                 return
-            changes = {(SHARPENED_CONSTANTS[key][0], key): sharper[key] for key in sharper}
-            restart(self, changes)
+            restart(self, {(SHARPENED_CONSTANTS[key][0], key): sharper[key] for key in sharper})
 
     def facts(self) -> dict[str, Any]:
         """Return the counters of the run, and what was done to sharpen its laws."""

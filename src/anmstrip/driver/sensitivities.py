@@ -92,9 +92,8 @@ class StationaryTangent:
         effect = part.effect
         if not isinstance(effect, LawEffect):
             return part
-        controls = self.equations.controls
-        at = self.state.full, None, self.state.control
-        return LawSeries(effect, 1, at, controls, self.model.laws.of(effect, at, controls))
+        at = (self.state.full, None, self.state.control), self.equations.controls
+        return LawSeries(self.model.laws.of(effect, *at), 1, *at)
 
     @cached_property
     def factors(self) -> Factors:
@@ -233,8 +232,7 @@ class Partials:
             return np.asarray(effect.law(x, None, controls))
 
         names = [name for name in (*THICKNESS_POWERS, "weight") if name in tangent.parts]
-        found = self._difference(law, names, step)
-        return {**found, "friction": self.by_passing_labels(key)}
+        return {**self._difference(law, names, step), "friction": self.by_passing_labels(key)}
 
     def _difference(
         self, law: Callable[[Any, float], Array], names: Iterable[str], step: float
@@ -359,8 +357,7 @@ class Partials:
                 effect = replace(effect, roller=made)
             else:
                 effect = replace(effect, contact=replace(effect.contact, roller=made))
-            x = effect.operator.apply(state.full)
-            return np.asarray(effect.law(x, None, state.controls))
+            return np.asarray(effect.law(effect.operator.apply(state.full), None, state.controls))
 
         return self._difference(law, ("contact", "friction"), h)
 

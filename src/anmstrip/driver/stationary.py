@@ -478,8 +478,8 @@ class OperatingMap:
 
     def _slides_as_a_whole(self, state: State) -> bool:
         """Whether strip slides over all rollers that are driven, and touches one."""
-        driven = (r.name for r in self.run.scene.rollers if r.driven)
-        touched = [c for c in map(state.contacts.get, driven) if c and c.touching.any()]
+        driven = {r.name for r in self.run.scene.rollers if r.driven}
+        touched = [c for name, c in state.touched.items() if name in driven]
         return bool(touched) and all(map(slides, touched))
 
     def _write(self, directory: Path) -> None:

@@ -441,11 +441,8 @@ class Sweep:
         """Yield the same from the workers of a cluster, as they end."""
         from distributed import as_completed
 
-        each = {number: self.variants[number] for number in self.waiting}
-        jobs = {
-            client.submit(self.job, variant.scene, variant.directory, pure=False): number
-            for number, variant in each.items()
-        }
+        each = [(number, self.variants[number]) for number in self.waiting]
+        jobs = {client.submit(self.job, v.scene, v.directory, pure=False): n for n, v in each}
         try:
             for job in as_completed(list(jobs)):
                 if job.cancelled():

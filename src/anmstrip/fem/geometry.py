@@ -144,13 +144,9 @@ class Frames:
         christoffel = np.einsum("cdp,idp,iabp->cabp", contravariant, first, second)
         covariant = second - np.einsum("cabp,icp->iabp", christoffel, first)
         seconds = np.einsum("aip,bjp,cabp->cijp", inverse, inverse, covariant)
-        return cls(
-            np.einsum("aip,cap->cip", inverse, first),
-            np.stack([seconds[:, a, b] for a, b in DERIVATIVE_PAIRS[2]], axis=1),
-            np.sqrt(np.linalg.det(metric)),
-            inverse,
-            christoffel,
-        )
+        tangents = np.einsum("aip,cap->cip", inverse, first)
+        seconds = np.stack([seconds[:, a, b] for a, b in DERIVATIVE_PAIRS[2]], axis=1)
+        return cls(tangents, seconds, np.sqrt(np.linalg.det(metric)), inverse, christoffel)
 
     def covector(self, normal: Array) -> Array:
         """Normal of an edge in the plane, (directions, elements, points of one), as c_α.
@@ -164,8 +160,7 @@ class Frames:
         """u;α from u,a, shape (directions, elements, points of one)."""
         if self.inverse is None:
             return field
-        inverse = self.inverse.reshape(2, 2, *field.shape[1:])
-        return np.einsum("aiep,aep->iep", inverse, field)
+        return np.einsum("aiep,aep->iep", self.inverse.reshape(2, 2, *field.shape[1:]), field)
 
     def hessian(self, gradient: Array, hessian: Array) -> list[Array]:
         """u;αβ for αβ in :data:`DERIVATIVE_PAIRS`, from u,a and u,ab."""
@@ -173,13 +168,10 @@ class Frames:
         if self.inverse is None or self.christoffel is None:
             return [hessian[a, b] for a, b in pairs]
         shape = gradient.shape[1:]
-        inverse, christoffel = (
-            x.reshape(*x.shape[:-1], *shape) for x in (self.inverse, self.christoffel)
-        )
+        inv = self.inverse.reshape(2, 2, *shape)
+        christoffel = self.christoffel.reshape(2, 2, 2, *shape)
         covariant = hessian - np.einsum("cabep,cep->abep", christoffel, gradient)
-        return [
-            np.einsum("aep,bep,abep->ep", inverse[:, i], inverse[:, j], covariant) for i, j in pairs
-        ]
+        return [np.einsum("aep,bep,abep->ep", inv[:, i], inv[:, j], covariant) for i, j in pairs]
 
 
 def reference_surface(function: Callable[[Any, Any], Any]) -> ReferenceSurface:
@@ -198,12 +190,9 @@ def reference_surface(function: Callable[[Any, Any], Any]) -> ReferenceSurface:
     """
 
     def jet(points: Array) -> Jet:
-        along, across, both = (
-            taylor_series(
-                function, *([p, d + 0.0 * p, 0.0 * p] for p, d in zip(points, way, strict=True))
-            )
-            for way in ((1, 0), (0, 1), (1, 1))
-        )
+        (x, y), zero = points, np.zeros_like(points[0])
+        ways = [([x, dx + zero, zero], [y, dy + zero, zero]) for dx, dy in ((1, 0), (0, 1), (1, 1))]
+        along, across, both = (taylor_series(function, *way) for way in ways)
         mixed = both[2] - along[2] - across[2]
         seconds = np.stack([[2.0 * along[2], mixed], [mixed, 2.0 * across[2]]])
         tangents = np.stack([along[1], across[1]], axis=1)

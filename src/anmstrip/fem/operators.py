@@ -258,8 +258,7 @@ class CellOperator:
         """L as sparse matrices, and that of which forces are the transposed."""
         rows = self.by_point.swapaxes(0, 1).reshape(-1, self.local)
         columns = np.repeat(self.dofs, self.per_element, axis=0).ravel()
-        starts = np.arange(0, rows.size + 1, self.local)
-        index = (np.tile(columns, self.components), starts)
+        index = (np.tile(columns, self.components), np.arange(0, rows.size + 1, self.local))
         matrix = csr_matrix((rows.ravel(), *index), shape=(len(rows), self.sum.shape[0]))
         weights = np.tile(self.weights, self.components)
         parts = [Part(matrix, weights, count=self.count, stride=self.components)]
@@ -356,10 +355,10 @@ class Layers:
         weights = np.ones(count)
         for ends in (np.s_[:3], np.s_[:-4:-1]):
             weights[ends] += np.array([3.0 / 8.0, 7.0 / 6.0, 23.0 / 24.0]) - 1.0
-        heights = np.linspace(-0.5, 0.5, count) * thickness
-        return cls(heights, weights * thickness / (count - 1))
+        return cls(np.linspace(-0.5, 0.5, count) * thickness, weights * thickness / (count - 1))
 
 
+@dataclass(eq=False)
 class InternalOperator:
     """Derivatives at quadrature points, and unknowns that belong to each point alone.
 
@@ -387,21 +386,18 @@ class InternalOperator:
         Number of quadrature points.
     """
 
-    def __init__(
-        self,
-        cells: CellOperator,
-        place: int,
-        variables: int,
-        layers: Layers,
-        slopes: csr_matrix | None = None,
-        flows: bool = True,
-    ) -> None:
-        self.cells, self.points = copy(cells), cells.points
+    cells: CellOperator
+    place: int
+    variables: int
+    layers: Layers
+    slopes: csr_matrix | None = None
+    flows: bool = True
+
+    def __post_init__(self) -> None:
+        self.cells, self.points = copy(self.cells), self.cells.points
         self.cells.symmetric = False  # flow has no potential
-        self.place, self.variables, self.layers = place, variables, layers
-        self.own = variables * len(layers.heights)
-        self.slopes, self.flows = slopes, flows
-        self.strains = cells.count * cells.components
+        self.own = self.variables * len(self.layers.heights)
+        self.strains = self.cells.count * self.cells.components
 
     @cached_property
     def seeds(self) -> Array:
@@ -639,15 +635,13 @@ class Chained(Eliminated):
         self.scale = np.tile(each.max(axis=1), v) / operator.chain.largest[:, None]
         last = response.swapaxes(1, 2) * -self.scale.reshape(lines, v, -1, 1)
         on_u = last[..., v:].reshape(lines, -1, count * k) @ self.strains
-        parts = forces, on_u, last[..., :v], self.scale
-        self.values = np.concatenate([x.ravel() for x in parts])
+        self.values = np.concatenate([x.ravel() for x in (forces, on_u, last[..., :v], self.scale)])
 
     @property
     def on_elements(self) -> Array:
         """Forces by u without s, shape (elements, count, local, count, local)."""
         cells = self.operator.cells
-        stresses = self.weights * (self.of_strains @ self.strains)
-        forces = self.strains.swapaxes(1, 2) @ stresses
+        forces = self.strains.swapaxes(1, 2) @ (self.weights * (self.of_strains @ self.strains))
         whole = forces.reshape(cells.elements, self.lines[1] // cells.elements, -1).sum(axis=1)
         return whole.reshape(-1, *(cells.count, cells.local) * 2)
 

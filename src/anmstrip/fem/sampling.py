@@ -159,8 +159,7 @@ class ContactOperator(LinearOperator):
         self.shares = strip.areas[:, None] * contact_shares(strip)
         firsts = 2 * np.arange(strip.contact_parts)[:, None]
         self.lines: Index = POINT_LINES.get(shape_of(strip), firsts + np.arange(3))
-        total = np.bincount(self.cells.ravel(), self.shares.ravel())
-        self.weights: Array = total.astype(float)
+        self.weights: Array = np.bincount(self.cells.ravel(), self.shares.ravel()).astype(float)
         self.points = len(self.weights)
         self.matrix = self._at_points(strip, self.table)
         self.unknowns = strip.unknowns

@@ -70,6 +70,7 @@ class Edge:
         return load, float(weights.sum())
 
 
+@dataclass(eq=False, repr=False)
 class Strip:
     """Thin sheet with a C1 discretization.
 
@@ -101,43 +102,53 @@ class Strip:
         Numbers of unknown components, of degrees of freedom of one of them, and of all.
     node_values : ndarray of int, shape (nodes,)
         Scalar degree of freedom "value" of every mesh node.
+    nodes : ndarray, shape (3, nodes)
+        Reference positions of the mesh nodes.
+    span : tuple of float
+        Reference x (m) of the nodes at the beginning and at the end.
     cell_sizes : ndarray, shape (dimensions, elements)
         Extent of every element in x (and y) (m).
+    areas : ndarray, shape (elements,)
+        Area of every element (m²).
     length, width : float
         Extents along x and y (m).
     depth : float
         Width (m) that is not meshed: that of a section, 1 of a surface.
+    mass : float
+        ρ t, per area (kg/m²).
     tensile_stiffness, membrane_stiffness : float
         E t and E t / (1 − ν²) (N/m).
     bending_stiffness : float
         D = E t³ / 12 (1 − ν²) (N m).
     """
 
-    def __init__(
-        self,
-        mesh: Mesh,
-        thickness: float,
-        material: Material,
-        kinematics: Kinematics = SHELL,
-        width: float = 1.0,
-        surface: ReferenceSurface | None = None,
-    ) -> None:
+    mesh: Mesh
+    thickness: float
+    material: Material
+    kinematics: Kinematics = SHELL
+    width: float = 1.0
+    surface: ReferenceSurface | None = None
+
+    def __post_init__(self) -> None:
+        mesh, material, width, thickness = self.mesh, self.material, self.width, self.thickness
         for name, value in (("thickness", thickness), ("width", width)):
             require_number(self, name, value)
-        self.mesh, self.thickness, self.material = mesh, thickness, material
-        self.kinematics, self.surface = kinematics, surface
         self.origin, self.flat_origin, self.contact_parts = np.zeros(3), np.zeros(2), 1
         element, degree = next(e for kind, e in ELEMENTS.items() if isinstance(mesh, kind))
         self.basis = Basis(mesh, element(), intorder=degree)
-        self.count, self.scalars = kinematics.count, int(self.basis.N)
+        self.count, self.scalars = self.kinematics.count, int(self.basis.N)
         self.unknowns = self.count * self.scalars
         self.node_values = self.dofs("u")
         self.cell_sizes = np.ptp(mesh.p[:, mesh.t], axis=1)
         self.length, *across = np.ptp(mesh.p, axis=1).tolist()
         self.depth, self.width = (1.0, *across) if across else (width, width)
+        self.mass = material.density * thickness
         self.tensile_stiffness = material.young * thickness
         self.membrane_stiffness = self.tensile_stiffness / (1.0 - material.poisson**2)
         self.bending_stiffness = self.membrane_stiffness * thickness**2 / 12.0
+        self.nodes: Array = self.in_space(mesh.p)
+        self.span = float(self.nodes[0].min()), float(self.nodes[0].max())
+        self.areas: Array = self.weights().sum(axis=1)
 
     def nodal(self, full: Array) -> Array:
         """Values of the degrees of freedom, (scalars, components), of all unknowns of a model."""
@@ -156,11 +167,6 @@ class Strip:
         return slopes
 
     @cached_property
-    def nodes(self) -> Array:
-        """Reference positions of the mesh nodes, shape (3, nodes)."""
-        return self.in_space(self.mesh.p)
-
-    @cached_property
     def lines(self) -> tuple[Array, Index]:
         """Reference x (m) of the lines of nodes across the strip, and the line of each node."""
         places = self.nodes[0]  # unrounded: the same to the last bit in other units
@@ -171,8 +177,7 @@ class Strip:
         """Reference positions of points of the mesh, shape (3, ...)."""
         if self.surface is not None:
             return self.surface(points.reshape(2, -1)).position.reshape(3, *points.shape[1:])
-        missing = np.zeros((3 - len(points), *points.shape[1:]))
-        return np.concatenate([points, missing])
+        return np.concatenate([points, np.zeros((3 - len(points), *points.shape[1:]))])
 
     def frames(self, basis: Any = None) -> Frames:
         """Frames of the reference at the quadrature points of the strip, or of another basis."""
@@ -199,17 +204,6 @@ class Strip:
     def dofs(self, name: str) -> Index:
         """Scalar degrees of freedom of the nodes by name: u, u_x, u_y, u_xy, ..."""
         return self.basis.nodal_dofs[self.basis.elem.dofnames.index(name)]
-
-    @cached_property
-    def span(self) -> tuple[float, float]:
-        """Reference x (m) of the nodes at the beginning and at the end."""
-        x = self.nodes[0]
-        return float(x.min()), float(x.max())
-
-    @cached_property
-    def areas(self) -> Array:
-        """Area of every element, shape (elements,), m²."""
-        return self.weights().sum(axis=1)
 
     @cached_property
     def dof_lengths(self) -> Array:

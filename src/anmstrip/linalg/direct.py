@@ -115,12 +115,7 @@ def equilibrate(matrix: csc_matrix) -> Array:
 def symmetric_lu(matrix: csc_matrix) -> SuperLU:
     """Sparse LU in a symmetric order that keeps the diagonal as pivots."""
     try:
-        return splu(
-            matrix,
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
+        return splu(matrix, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     except RuntimeError as error:
         raise SingularTangentError(str(error)) from error
 

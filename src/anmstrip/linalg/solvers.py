@@ -112,8 +112,7 @@ class Bordered:
 
     def _norm(self) -> float:
         """Largest sum of the sizes of a row's entries."""
-        n = self.inner.shape[0]
-        inner = abs(self.inner) @ np.ones(n)
+        inner = abs(self.inner) @ np.ones(self.inner.shape[0])
         first = inner + np.abs(self.columns).sum(axis=1)
         last = np.abs(self.rows).sum(axis=1) + np.abs(self.corner).sum(axis=1)
         return float(max(first.max(initial=0.0), last.max(initial=0.0)))
@@ -138,12 +137,8 @@ class Bordered:
         """The matrix of the entries d_i K_ij d_j."""
         n, inner = self.inner.shape[0], copy(self.inner)
         inner.data = inner.data * d[inner.indices] * np.repeat(d[:n], np.diff(inner.indptr))
-        return Bordered(
-            inner,
-            d[:n, None] * self.columns * d[n:],
-            d[n:, None] * self.rows * d[:n],
-            d[n:, None] * self.corner * d[n:],
-        )
+        columns, rows = d[:n, None] * self.columns * d[n:], d[n:, None] * self.rows * d[:n]
+        return Bordered(inner, columns, rows, d[n:, None] * self.corner * d[n:])
 
     def _eliminated(self, inner: Factors) -> tuple[Solve, Array]:
         """Solver by the Schur complement S = D − C A⁻¹ B, and this.

@@ -52,8 +52,7 @@ class CompiledLaw:
         self.sizes = [variable.rows.size for variable in program.inputs]
         self.stops = np.cumsum(self.sizes)
         self.inputs, self.seeds = inputs, np.eye(self.sizes[0]) if seeds is None else seeds
-        rows = pairwise(self.stops[inputs - 1 :])
-        controls = zip(rows, program.inputs[inputs:], strict=True)
+        controls = zip(pairwise(self.stops[inputs - 1 :]), program.inputs[inputs:], strict=True)
         self.moving = [(slice(*own), variable.shape) for own, variable in controls]
         self.given, self.changes, nothing = np.zeros((3, self.stops[-1], self.lanes))
         self.found = np.empty((len(program.tables.outputs), self.lanes))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
 
@@ -20,6 +20,7 @@ from anmstrip.mechanics.effects import (
     Moment,
     RecordedLaw,
     RecordedLaws,
+    Values,
     scale_speeds,
 )
 from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
@@ -124,6 +125,10 @@ class Contact(PointEffect):
         Gap (m) beyond which a point is left out, for all or for each roller.
     kinematics : Kinematics
         Which displacements the points have.
+    latest : dict
+        The neighbours that were looked up last.
+    reached : dict
+        Numbers of the points within reach in the latest states.
     """
 
     roller: Roller
@@ -131,6 +136,8 @@ class Contact(PointEffect):
     operator: ContactOperator
     reach: float | Sequence[float] = np.inf
     kinematics: Kinematics = SHELL
+    latest: dict[str, Neighbours] = field(default_factory=dict, init=False, compare=False)
+    reached: dict[bytes, Index] = field(default_factory=dict, init=False, compare=False)
 
     name = "contact"
 
@@ -185,13 +192,13 @@ class Contact(PointEffect):
         """Reference positions in the frames, shape (rows, points)."""
         return np.asarray(transform(self.roller.frame[: self.roller.rows], self.operator.reference))
 
-    def position(self, x: Any, controls: Mapping[str, Any]) -> Any:
+    def position(self, x: Any, controls: Values) -> Any:
         """Displaced points in the rollers' frames, (rows, points), on arrays or series."""
         centre = control_of(self.roller, controls, "centre")
         offset = self.origin - transform(self.roller.frame[: self.roller.rows], centre)
         return transform(self.view, x) + offset
 
-    def seen(self, x: Any, controls: Mapping[str, Any]) -> Projection:
+    def seen(self, x: Any, controls: Values) -> Projection:
         """Return the projections of displaced points on the roller, arrays or series."""
         return self.roller.project(self.position(x, controls))
 
@@ -222,16 +229,16 @@ class Contact(PointEffect):
                 return found
             near = self._looked_up(*first[0], 2.0 * farthest)
 
-    def look(self, full: Array, controls: Mapping[str, Any]) -> Look:
+    def look(self, full: Array, controls: Values) -> Look:
         """Unknowns of the strip, and centres of the rollers."""
         return full[: self.operator.whole.unknowns], self.centres(controls)
 
-    def centres(self, controls: Mapping[str, Any]) -> Array:
+    def centres(self, controls: Values) -> Array:
         """Centres of the rollers (m), (rollers, 3)."""
         names = (f"rollers.{roller.name}.centre" for roller in self.roller.members)
         return np.array([controls[name] for name in names])
 
-    def neighbours(self, look: Look, controls: Mapping[str, Any]) -> Neighbours:
+    def neighbours(self, look: Look, controls: Values) -> Neighbours:
         """Pairs that are near, looked up anew when something has moved far.
 
         As lists of neighbours of particles are (Verlet, Phys. Rev. 159, 98, 1967): all pairs are
@@ -249,7 +256,7 @@ class Contact(PointEffect):
             self.latest["neighbours"] = latest
         return latest
 
-    def _looked_up(self, look: Look, controls: Mapping[str, Any], skin: float) -> Neighbours:
+    def _looked_up(self, look: Look, controls: Values, skin: float) -> Neighbours:
         """Pairs that may come within reach while nothing moves farther than the skin (m)."""
         found, farthest = [], GAP_RATE * skin
         whole = self.operator.whole
@@ -265,20 +272,15 @@ class Contact(PointEffect):
         pairs = np.sort(np.concatenate(found))
         return Neighbours(self._part(pairs), pairs, skin, look[0].copy(), look[1])
 
-    def gap(self, look: Look, controls: Mapping[str, Any]) -> Array:
+    def gap(self, look: Look, controls: Values) -> Array:
         """Gaps of the points (m), shape (points,)."""
         return np.asarray(self.seen(self.operator.apply(look[0]), controls).gap)
 
-    @cached_property
-    def latest(self) -> dict[str, Neighbours]:
-        """The neighbours that were looked up last."""
-        return {}
-
-    def near(self, full: Array, controls: Mapping[str, Any]) -> Contact:
+    def near(self, full: Array, controls: Values) -> Contact:
         """The same effect on the points within reach."""
         return self.restricted(self.within_reach(full, controls))
 
-    def within_reach(self, full: Array, controls: Mapping[str, Any]) -> Index:
+    def within_reach(self, full: Array, controls: Values) -> Index:
         """Numbers of the points within reach, remembered for the latest state.
 
         A state is looked at by its residual, the series from it and its error in time.
@@ -292,12 +294,7 @@ class Contact(PointEffect):
         state = np.concatenate([full, self.centres(controls).ravel()])
         return remember(self.reached, state, found)
 
-    @cached_property
-    def reached(self) -> dict[bytes, Index]:
-        """Numbers of the points within reach in the latest states."""
-        return {}
-
-    def elements_near(self, full: Array, controls: Mapping[str, Any]) -> list[Index]:
+    def elements_near(self, full: Array, controls: Values) -> list[Index]:
         """Elements with a point within reach of each roller, in ascending order."""
         near, whole = self.near(full, controls), self.operator.whole
         which, elements = near.roller.seen_by(near.points), whole.owners[near.operator.chosen]
@@ -305,7 +302,7 @@ class Contact(PointEffect):
         roller, element = np.divmod(pairs, len(whole.cells))
         return np.split(element, np.searchsorted(roller, np.arange(1, len(self.roller.members))))
 
-    def nearest_gaps(self, full: Array, controls: Mapping[str, Any]) -> Array:
+    def nearest_gaps(self, full: Array, controls: Values) -> Array:
         """Gap (m) of every point of the strip from the roller that it is nearest to, (points,).
 
         What is not among the neighbours is farther than the least reach.
@@ -328,7 +325,7 @@ class Contact(PointEffect):
         frame = self.roller.frame[: self.roller.rows]
         return np.einsum("ix...,i...->x...", frame, self.roller.normal(place))
 
-    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def law(self, x: Any, v: Any, controls: Values) -> Any:
         """Residual per area: minus the traction of the roller, (components, points)."""
         place = self.seen(x, controls)
         traction = self.roller.normal(place, self.pressure(place))
@@ -348,7 +345,7 @@ class Sight(LawEffect):
         """Operator of the contact."""
         return self.contact.operator
 
-    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def law(self, x: Any, v: Any, controls: Values) -> Any:
         """Return positions and gaps (m), shape (rows + 1, points)."""
         y = self.contact.position(x, controls)
         return np.stack([*y, self.contact.roller.project(y).gap])
@@ -363,13 +360,10 @@ class Neighbours:
     skin: float  # m
     full: Array  # unknowns of the strip when they were looked up
     centres: Array  # of the rollers (m), (rollers, 3)
+    programs: list[RecordedLaw] = field(default_factory=list, init=False)
+    """Program of what is seen of these pairs, once they were seen."""
 
-    @cached_property
-    def programs(self) -> list[RecordedLaw]:
-        """Program of what is seen of these pairs, once they were seen."""
-        return []
-
-    def seen(self, look: Look, controls: Mapping[str, Any]) -> Array:
+    def seen(self, look: Look, controls: Values) -> Array:
         """Return positions in the rollers' frames and gaps in the last row, (rows + 1, points)."""
         full, _ = look
         if not self.programs:
@@ -465,20 +459,20 @@ class Friction(PointEffect):
         law = self.law_of_slip.sharper(1.0 - speed / self.law_of_slip.speed)
         return replace(self, law_of_slip=law)
 
-    def near(self, full: Array, controls: Mapping[str, Any]) -> Friction:
+    def near(self, full: Array, controls: Values) -> Friction:
         """The same effect on the points within reach."""
         return self.restricted(self.contact.within_reach(full, controls))
 
     def _part(self, points: Index) -> Self:
         return replace(self, contact=self.contact.restricted(points))
 
-    def slip(self, place: Projection, tangents: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def slip(self, place: Projection, tangents: Any, v: Any, controls: Values) -> Any:
         """Tangential velocity relative to the surface (m/s), (components of slip, points)."""
         own = transform(self.frame, control_of(self.roller, controls, "velocity"))
         relative = transform(self.view, v) - own
         return np.einsum("ki...,i...->k...", tangents, relative) - self.surface(place, controls)
 
-    def surface(self, place: Projection, controls: Mapping[str, Any]) -> Any:
+    def surface(self, place: Projection, controls: Values) -> Any:
         """Velocity of the surface along the tangents (m/s), (components of slip, points)."""
         speed = control_of(self.roller, controls, "surface_speed") * self.roller.sense
         return self.turned(place) * speed
@@ -488,7 +482,7 @@ class Friction(PointEffect):
         turning = np.eye(len(self.frame) - 1)[0][:, None]
         return turning if place.ratio is None else place.ratio * turning
 
-    def sliding(self, x: Any, v: Any, controls: Mapping[str, Any]) -> tuple[Projection, Any, Any]:
+    def sliding(self, x: Any, v: Any, controls: Values) -> tuple[Projection, Any, Any]:
         """Return where the points are on the roller, its tangents there, and their slip."""
         place = self.contact.seen(x[: self.contact.kinematics.count], controls)
         tangents = self.roller.tangents(place, len(self.frame))
@@ -516,12 +510,12 @@ class Friction(PointEffect):
         place, _, slip = self.sliding(x, v, controls)
         return np.asarray(slip), np.asarray(self.contact.pressure(place))
 
-    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def law(self, x: Any, v: Any, controls: Values) -> Any:
         """Residual per area: minus the traction of the roller, (components, points)."""
         place, tangents, slip = self.sliding(x, v, controls)
         return self.on_strip(tangents, self.traction(place, slip, controls))
 
-    def traction(self, place: Projection, slip: Any, controls: Mapping[str, Any]) -> Any:
+    def traction(self, place: Projection, slip: Any, controls: Values) -> Any:
         """Traction of points that slip, by a law whose corner is as wide as controls tell.
 
         It is that of the slip over the width, times what this takes off in full slip.
@@ -536,7 +530,7 @@ class Friction(PointEffect):
         local = np.einsum("ki...,k...->i...", tangents, traction)
         return transform(-self.view.swapaxes(0, 1), local)
 
-    def in_space(self, x: Array, v: Array, controls: Mapping[str, Any]) -> tuple[Array, Array]:
+    def in_space(self, x: Array, v: Array, controls: Values) -> tuple[Array, Array]:
         """Slip (m/s) and traction (Pa) in space, shape (3, points) each."""
         place, tangents, slip = self.sliding(x, v, controls)
         traction = self.acting(self.contact.pressure(place), slip)
@@ -551,7 +545,7 @@ def transform(matrix: Array, vectors: Any) -> Any:
     return np.einsum(subscripts, matrix, vectors)
 
 
-def control_of(roller: Roller, controls: Mapping[str, Any], name: str) -> Any:
+def control_of(roller: Roller, controls: Values, name: str) -> Any:
     """A control of the roller that sees each point, a vector as (3, 1 or points)."""
     values = [controls[f"rollers.{r.name}.{name}"] for r in roller.members]
     value = roller.of(values)

@@ -53,7 +53,7 @@ Values = Mapping[str, Any]
 State = tuple[Array, Array | None, float]
 """Displacements and velocities of all unknowns, and λ."""
 
-Moment = tuple[Array, Array | None, Mapping[str, Any]]
+Moment = tuple[Array, Array | None, Values]
 """Displacements and velocities of all unknowns, and the values of the controls."""
 
 
@@ -61,7 +61,7 @@ LAW_WIDTH = "laws.width"
 """Control: logarithm of the width of the corners of laws in velocity over that given, 0 without."""
 
 
-def scale_speeds(speeds: Any, controls: Mapping[str, Any]) -> Any:
+def scale_speeds(speeds: Any, controls: Values) -> Any:
     """Return speeds (m/s) over the width of the corners: what wider laws see is what these see."""
     return speeds * np.exp(-controls[LAW_WIDTH]) if LAW_WIDTH in controls else speeds
 
@@ -138,11 +138,11 @@ class LawEffect(Effect):
         """Number of points of the operator."""
         return self.operator.points
 
-    def near(self, full: Array, controls: Mapping[str, Any]) -> LawEffect:
+    def near(self, full: Array, controls: Values) -> LawEffect:
         """Return the effect on those points where it is not negligible in a state."""
         return self
 
-    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def law(self, x: Any, v: Any, controls: Values) -> Any:
         """Return the generalised stress at the points, of the shape of ``x`` = L u."""
         raise NotImplementedError
 
@@ -304,24 +304,19 @@ class RecordedLaw:
     Parameters
     ----------
     effect : LawEffect
-    kinematic : list of ndarray
-        x, and v if the law depends on it.
-    control : float
+    state : tuple
+        All unknowns, their velocities, and λ, whose values count where the law decides by them.
     controls : Controls
     laws : RecordedLaws
         Those of the model.
     """
 
     def __init__(
-        self,
-        effect: LawEffect,
-        kinematic: list[Array],
-        control: float,
-        controls: Controls,
-        laws: RecordedLaws,
+        self, effect: LawEffect, state: State, controls: Controls, laws: RecordedLaws
     ) -> None:
         self.effect, self.laws = effect, laws
-        values, slope = controls.at(control), controls.slope
+        values, slope = controls.at(state[2]), controls.slope
+        kinematic = [effect.operator.apply(x) for x in motions_of(effect, state)]
 
         def law(x: Series, v: Series | None = None) -> Any:
             self.asked = AskedControls(x.tape, values, slope)
@@ -425,8 +420,7 @@ class RecordedLaws:
         if (law := self.known(effect, state, controls)) is not None:
             return law
         latest = self.latest[effect.name]
-        kinematic = [effect.operator.apply(x) for x in motions_of(effect, state)]
-        latest.insert(0, RecordedLaw(effect, kinematic, state[2], controls, self))
+        latest.insert(0, RecordedLaw(effect, state, controls, self))
         del latest[CACHE_SIZE:]
         return latest[0]
 
@@ -460,12 +454,10 @@ class LawSeries(EffectSeries):
 
     curved = True
 
-    def __init__(
-        self, effect: LawEffect, order: int, state: State, controls: Controls, law: RecordedLaw
-    ) -> None:
-        self.effect: LawEffect = effect
-        self.operator, moving = effect.operator, law.asked.moving
-        kinematic = [self.operator.apply(x) for x in motions_of(effect, state)]
+    def __init__(self, law: RecordedLaw, order: int, state: State, controls: Controls) -> None:
+        self.effect: LawEffect = law.effect
+        self.operator, moving = law.effect.operator, law.asked.moving
+        kinematic = [self.operator.apply(x) for x in motions_of(law.effect, state)]
         self.in_rate = len(kinematic) > 1
         self.slopes = [controls.slope.get(name) for name in moving]
         values = controls.at(state[2])
@@ -512,12 +504,10 @@ class CompiledSeries(EffectSeries):
 
     curved = True
 
-    def __init__(
-        self, effect: LawEffect, order: int, state: State, controls: Controls, law: RecordedLaw
-    ) -> None:
+    def __init__(self, law: RecordedLaw, order: int, state: State, controls: Controls) -> None:
         assert law.compiled is not None
-        self.effect: LawEffect = effect
-        self.operator = effect.operator
+        self.effect: LawEffect = law.effect
+        self.operator = law.effect.operator
         self.laws, self.law, program = law.laws, law.compiled, law.program
         self.slopes = [controls.rate(name) for name in law.asked.moving]
         self.w = np.empty((program.blocks, program.kept, max(order, 1) + 1, program.lanes))
@@ -580,10 +570,9 @@ def series_of(
     if isinstance(effect, LinearEffect | LoadEffect):
         return StraightSeries(effect, state, controls)
     assert isinstance(effect, LawEffect)
-    near = effect.near(full, controls.at(control))
-    law = laws.of(near, state, controls)
+    law = laws.of(effect.near(full, controls.at(control)), state, controls)
     kind = LawSeries if law.compiled is None else CompiledSeries
-    return kind(near, order, state, controls, law)
+    return kind(law, order, state, controls)
 
 
 def add_force(

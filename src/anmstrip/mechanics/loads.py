@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +13,7 @@ from anmstrip.fem.geometry import PLATE, dot, normal_vector, normal_work
 from anmstrip.fem.operators import CellOperator
 from anmstrip.fem.sampling import ContactOperator
 from anmstrip.fem.strip import Strip
-from anmstrip.mechanics.effects import LawEffect, LoadEffect, Operator
+from anmstrip.mechanics.effects import LawEffect, LoadEffect, Operator, Values
 
 SLACK_POWER = 4
 """Logarithm (base 2) of the power by which fibres cease to bear less than nothing: 3 is 5 % off
@@ -34,11 +34,9 @@ def edge_force(strip: Strip, name: str) -> LoadEffect:
 
 def weight(strip: Strip) -> LoadEffect:
     """Weight ρ t per area, scaled by the control ``gravity`` (m/s²)."""
-    basis = strip.basis
-    density, weights = strip.material.density * strip.thickness, strip.weights()
-    load = np.zeros(strip.scalars)
+    basis, weights, load = strip.basis, strip.weights(), np.zeros(strip.scalars)
     for dofs, field in zip(basis.element_dofs, basis.basis, strict=True):
-        np.add.at(load, dofs, density * (np.asarray(field[0]) * weights).sum(axis=1))
+        np.add.at(load, dofs, strip.mass * (np.asarray(field[0]) * weights).sum(axis=1))
     return LoadEffect("weight", "gravity", load, strip.kinematics)
 
 
@@ -57,10 +55,9 @@ class GrownWeight(LawEffect):
     def __init__(self, strip: Strip) -> None:
         self.strip, self.operator = strip, CellOperator(strip, (0,))
 
-    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def law(self, x: Any, v: Any, controls: Values) -> Any:
         """Minus the weight, on the value, (components, 1, points)."""
-        density = self.strip.material.density * self.strip.thickness
-        held = (x[0, 0] * 0.0 + density) * controls["strip.growth"]
+        held = (x[0, 0] * 0.0 + self.strip.mass) * controls["strip.growth"]
         pull = np.einsum("ij,j->i", self.strip.kinematics.chosen, controls["gravity"])
         return np.einsum("i,...->i...", pull * -1.0, held)[:, None]
 
@@ -77,11 +74,11 @@ class FollowerLoad(LawEffect):
     """Stress that does work with value and derivatives for a unit control per length or area,
     (components, 1 + directions, points), from tangent vectors (components, directions, points)."""
 
-    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def law(self, x: Any, v: Any, controls: Values) -> Any:
         """Generalised stress, (components, 1 + directions, points)."""
         return self.stress(x[:, 1:] + self.reference) * controls[self.control] * -1.0
 
-    def unit_law(self, x: Any, controls: Mapping[str, Any]) -> Any:
+    def unit_law(self, x: Any, controls: Values) -> Any:
         """Change of the stress with the control, shape as of :meth:`law`."""
         return self.law(x, None, {**controls, self.control: 1.0})
 
@@ -98,7 +95,7 @@ class CurledTension(FollowerLoad):
     strip: Strip
     outward: Array  # direction of the line, (3,)
 
-    def direction(self, x: Any, controls: Mapping[str, Any]) -> Any:
+    def direction(self, x: Any, controls: Values) -> Any:
         """Stress of a unit pull beyond the curl.
 
         κ is the coil set, with the crossbow through Poisson's ratio, and what a moment adds; it
@@ -118,11 +115,11 @@ class CurledTension(FollowerLoad):
         aside = normal * (sine * np.sqrt(sine * sine * -1.0 + 1.0) * 2.0)
         return self.stress(tangents) * (sine * sine * -2.0 + 1.0) + aside
 
-    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def law(self, x: Any, v: Any, controls: Values) -> Any:
         """Generalised stress, (components, 1 + directions, points)."""
         return self.direction(x, controls) * controls[self.control] * -1.0
 
-    def unit_law(self, x: Any, controls: Mapping[str, Any]) -> Any:
+    def unit_law(self, x: Any, controls: Values) -> Any:
         """Change of the stress with the tension, by a central difference."""
         tension, step = controls[self.control], UNIT_STEP * controls[self.control]
         ends = ({**controls, self.control: tension + by} for by in (-step, step))
@@ -142,7 +139,7 @@ class UnevenTension(FollowerLoad):
     outward: Array  # direction of the line, (3,)
     scale: float  # of tensions (N/m)
 
-    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def law(self, x: Any, v: Any, controls: Values) -> Any:
         """Generalised stress, (components, 1 + directions, points)."""
         edge = self.control.partition(".")[0]
         pull = controls.get(f"{edge}.tension", 0.0)
@@ -213,8 +210,7 @@ def edge_moment(strip: Strip, name: str) -> FollowerLoad:
         reciprocal = [q / size for q in normal_work(tangents, n)]
         across = sum(reciprocal[a] * outwards[a] for a in directions)
         across = across / np.sqrt(dot(across, across))
-        turned = [n * dot(reciprocal[a], across) for a in directions]
-        return np.stack([n * 0.0, *turned], axis=1)
+        return np.stack([n * 0.0, *(n * dot(reciprocal[a], across) for a in directions)], axis=1)
 
     operator = CellOperator(strip, (0, 1), basis)
     return FollowerLoad(f"moment on {name}", f"{name}.moment", operator, frames.tangents, stress)
@@ -248,7 +244,7 @@ class Onward(LawEffect):
         self.turn = strip.kinematics.chosen @ turn
         self.stiffness = strip.tensile_stiffness * strip.thickness
 
-    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def law(self, x: Any, v: Any, controls: Values) -> Any:
         """Return k (r,x · m) m on the derivative along x, (components, directions, points)."""
         across = np.einsum("ij,j->i", self.turn, controls[self.control])
         turned = np.einsum("i,ia...->a...", across, x + self.tangents)
@@ -290,7 +286,7 @@ class Pretension(LawEffect):
     def __init__(self, strip: Strip) -> None:
         self.operator = CellOperator(strip, [1])
 
-    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def law(self, x: Any, v: Any, controls: Values) -> Any:
         """T (w,x, 0), shape (1, 2, points)."""
         return np.einsum("ia...,ab->ib...", x, np.diag([1.0, 0.0])) * controls[self.control][0]
 
@@ -305,7 +301,7 @@ class Drag(LawEffect):
     name = "drag"
     rate_dependent = True
 
-    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def law(self, x: Any, v: Any, controls: Values) -> Any:
         """c v, (components, points)."""
         return v * self.coefficient
 
@@ -335,7 +331,7 @@ class Guide(LawEffect):
         self.normal: Array = normal / np.linalg.norm(normal, axis=0)
         self.stiffness = strip.membrane_stiffness / float(strip.cell_sizes.min()) ** 2
 
-    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def law(self, x: Any, v: Any, controls: Values) -> Any:
         """Generalised stress, (3, 3, points): the value's part alone."""
         away = dot(self.normal, x[:, 0] - self.start)
         return on_value(self.normal * away * self.stiffness, 2)
@@ -358,6 +354,6 @@ class Foundation(LawEffect):
         self.operator, self.stiffness = ContactOperator(strip), stiffness
         self.upwards = strip.kinematics.chosen[:, 2:]
 
-    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def law(self, x: Any, v: Any, controls: Values) -> Any:
         """Return the residual per area, k w along z, shape (components, points)."""
         return x * self.upwards * self.stiffness

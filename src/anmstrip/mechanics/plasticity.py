@@ -9,7 +9,6 @@ stress, as von Mises has it (Simo and Taylor, Int. J. Numer. Meth. Engng. 22, 19
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +17,7 @@ import numpy as np
 from anmstrip.arrays import Array
 from anmstrip.fem.geometry import DERIVATIVE_PAIRS, dot
 from anmstrip.fem.operators import InternalOperator
-from anmstrip.mechanics.effects import LawEffect
+from anmstrip.mechanics.effects import LawEffect, Values
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, eigenstrain, moduli, weaken
 
 VON_MISES = {1: np.eye(1), 3: np.array([[1.0, -0.5, 0.0], [-0.5, 1.0, 0.0], [0.0, 0.0, 3.0]])}
@@ -163,7 +162,7 @@ class Plasticity(LawEffect):
         count = self.operator.variables
         return np.stack([x[begin + k * m : begin + (k + 1) * m] for k in range(count)])
 
-    def stresses(self, x: Any, controls: Mapping[str, Any]) -> Any:
+    def stresses(self, x: Any, controls: Values) -> Any:
         """Return σ (Pa) as xx or (xx, yy, xy), (1 or 3, layers, points)."""
         derivatives, internal = self.derivatives(x), self.internal(x)
         tangents = derivatives[:, : self.bending.directions]
@@ -176,14 +175,12 @@ class Plasticity(LawEffect):
         ]
         return weaken(np.einsum("kl,l...->k...", self.moduli, np.stack(each)), controls)
 
-    def resultants(self, x: Any, controls: Mapping[str, Any]) -> tuple[Any, Any]:
+    def resultants(self, x: Any, controls: Values) -> tuple[Any, Any]:
         """Return what ε_p adds to N (N/m) and to M (N) against n · r,ab, (pairs, points)."""
         strains, layers = self.internal(x)[: len(self.twice)], self.layers
-        first = layers.weights * layers.heights
-        force, moment = (
-            np.einsum("kl,l...->k...", self.moduli, np.einsum("l,kl...->k...", weights, strains))
-            for weights in (-layers.weights, first)
-        )
+        weights = -layers.weights, layers.weights * layers.heights
+        summed = (np.einsum("l,kl...->k...", each, strains) for each in weights)
+        force, moment = (np.einsum("kl,l...->k...", self.moduli, each) for each in summed)
         return weaken(force, controls), weaken(moment, controls)
 
     def tensor(self, force: Any) -> Any:
@@ -191,7 +188,7 @@ class Plasticity(LawEffect):
         index = np.array([[0, 2], [2, 1]])[: self.bending.directions, : self.bending.directions]
         return np.stack([np.stack([force[k] for k in row]) for row in index])
 
-    def added_forces(self, full: Array, controls: Mapping[str, Any]) -> Array:
+    def added_forces(self, full: Array, controls: Values) -> Array:
         """Return what ε_p adds to the membrane forces (N/m) of all unknowns, (d, d, points)."""
         return np.asarray(self.tensor(self.resultants(self.operator.apply(full), controls)[0]))
 
@@ -215,13 +212,13 @@ class Plasticity(LawEffect):
             for x, unit in zip(self.resultant_changes(full, change), units, strict=True)
         )
 
-    def share(self, controls: Mapping[str, Any]) -> Any:
+    def share(self, controls: Values) -> Any:
         """Return the factor of s: the share by which stresses count, over that left of σ_y."""
         counted = controls["yielding"]
         loss = controls.get("strip.weakening")
         return counted if loss is None else counted / (1.0 - loss)
 
-    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def law(self, x: Any, v: Any, controls: Values) -> Any:
         """Forces against the derivatives, and rates of the internal variables less their law."""
         derivatives, d = self.derivatives(x), self.bending.directions
         force, moment = self.resultants(x, controls)

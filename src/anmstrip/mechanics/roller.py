@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 from itertools import zip_longest
 from typing import Any
@@ -140,6 +140,15 @@ class Roller:
         slope = polynomial([k * c for k, c in enumerate(self.crown, start=1)] or [0.0], s)
         return slope if self.sides is None else slope - self.sides.rate(s)
 
+    def section(self, y: Any) -> tuple[Array, Array]:
+        """Return centre and radius (m) in planes at y, the latter to the middle of the strip.
+
+        Shapes (2, planes), of x and z, and (planes,).
+        """
+        s = (y - self.centre[1]) / self.unit_axis[1]
+        point = np.asarray(self.centre)[:, None] + self.unit_axis[:, None] * s
+        return point[[0, 2]], self.radius_at(s) + self.half
+
     def project(self, y: Any) -> Projection:
         """Gap and directions of points.
 
@@ -233,6 +242,11 @@ class SeveralRollers(Roller):
             return None
         sides = (astuple(roller.sides or NO_SIDES) for roller in self.several)
         return Sides(*map(self.of, zip(*sides, strict=True)))
+
+
+def placed(rollers: Sequence[Roller], controls: Mapping[str, Any]) -> list[Roller]:
+    """Return rollers where values of the controls have them."""
+    return [replace(r, centre=tuple(controls[f"rollers.{r.name}.centre"])) for r in rollers]
 
 
 def at_points(values: Sequence[Any], which: Index) -> Any:

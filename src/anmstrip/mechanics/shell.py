@@ -12,7 +12,7 @@ from anmstrip.fem.geometry import DERIVATIVE_PAIRS, dot, normal_vector, normal_w
 from anmstrip.fem.operators import CellOperator, Pattern
 from anmstrip.fem.sampling import quadrature_points
 from anmstrip.fem.strip import Strip
-from anmstrip.mechanics.effects import LawEffect, LinearEffect
+from anmstrip.mechanics.effects import LawEffect, LinearEffect, Values
 
 FIRST_DERIVATIVES, SECOND_DERIVATIVES = (1, 0), (2, 0, 1)
 """How many times the first derivatives (x, y) and the second ones (xx, yy, xy) go along x."""
@@ -33,7 +33,7 @@ def plane_stress(strip: Strip) -> Array:
     return strip.membrane_stiffness * (nu * spherical + (1.0 - nu) * symmetric)
 
 
-def eigenstrain(strip: Strip, controls: Mapping[str, Any]) -> Any:
+def eigenstrain(strip: Strip, controls: Values) -> Any:
     """Return the strain that makes no stress: E⁰ = e + ½ e², e = α ΔT δ + (ε⁰ − κ⁰ y) e_x ⊗ e_x.
 
     Strip without stress is longer by e, which heat in a furnace makes 0.01: the square, in Green's
@@ -53,12 +53,8 @@ def eigenstrain(strip: Strip, controls: Mapping[str, Any]) -> Any:
         ``None`` if all are missing.
     """
     every = np.eye(strip.kinematics.directions)
-    along = every * every[0]
-    parts = {
-        "strip.temperature": strip.material.expansion * every,
-        "strip.flatness": along,
-        "strip.camber": along,
-    }
+    parts = {"strip.temperature": strip.material.expansion * every}
+    parts |= dict.fromkeys(("strip.flatness", "strip.camber"), every * every[0])
     found = [part[..., None] * controls[key] for key, part in parts.items() if key in controls]
     return green_strain(sum(found[1:], found[0])) if found else None
 
@@ -68,7 +64,7 @@ def green_strain(elongation: Any) -> Any:
     return elongation + elongation * elongation * 0.5
 
 
-def uneven_tension(strip: Strip, edge: str, controls: Mapping[str, Any]) -> Array | None:
+def uneven_tension(strip: Strip, edge: str, controls: Values) -> Array | None:
     """Return what the tension of uneven strip is beyond its mean where it goes on at an edge.
 
     E t (a + b y − e), with a and b such that it has neither a force nor a moment: fibres that are
@@ -97,17 +93,15 @@ def uneven_tension(strip: Strip, edge: str, controls: Mapping[str, Any]) -> Arra
     near = near[np.argsort(y[near])]
     basis = strip.edge_basis(edge)
     at, lengths = np.asarray(basis.global_coordinates())[1].ravel(), np.asarray(basis.dx).ravel()
-    e, share = (
-        np.interp(at, y[near], np.broadcast_to(values, y.shape)[near])
-        for values in (own[0, 0], weaken(np.ones(len(y)), controls))
-    )
+    fields = own[0, 0], weaken(np.ones(len(y)), controls)
+    e, share = (np.interp(at, y[near], np.broadcast_to(f, y.shape)[near]) for f in fields)
     even = np.vander(at - at.mean(), 2)
     normal = even.T * (share * lengths)
     excess = even @ np.linalg.solve(normal @ even, normal @ e) - e
     return np.asarray(strip.tensile_stiffness * share * excess)
 
 
-def weaken(values: Any, controls: Mapping[str, Any], loss: str = "strip.softening") -> Any:
+def weaken(values: Any, controls: Values, loss: str = "strip.softening") -> Any:
     """Return stresses or moments of a strip that is warm, E(T)/E of what they are with E.
 
     Parameters
@@ -121,9 +115,7 @@ def weaken(values: Any, controls: Mapping[str, Any], loss: str = "strip.softenin
     return values * (1.0 - controls[loss]) if loss in controls else values
 
 
-def material_derivatives(
-    derivatives: Any, controls: Mapping[str, Any], powers: Sequence[int]
-) -> Any:
+def material_derivatives(derivatives: Any, controls: Values, powers: Sequence[int]) -> Any:
     """Return derivatives along unstressed strip, from those along labels that hold more of it.
 
     Parameters
@@ -143,7 +135,7 @@ def material_derivatives(
     return np.stack(parts, axis=1)
 
 
-def label_forces(forces: Any, controls: Mapping[str, Any], powers: Sequence[int]) -> Any:
+def label_forces(forces: Any, controls: Values, powers: Sequence[int]) -> Any:
     """Return what does work with the derivatives along labels, see :func:`material_derivatives`.
 
     Per area of the reference, g times what it is per area of unstressed strip.
@@ -197,11 +189,11 @@ class Membrane(LawEffect):
         tangents = self.tangents(self.operator.apply(full), controls)
         return np.asarray(self.forces(tangents, controls))
 
-    def tangents(self, x: Any, controls: Mapping[str, Any]) -> Any:
+    def tangents(self, x: Any, controls: Values) -> Any:
         """Tangent vectors along unstressed strip, (components, d, points)."""
         return material_derivatives(x + self.flat, controls, self.powers)
 
-    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def law(self, x: Any, v: Any, controls: Values) -> Any:
         """First Piola stress (N/m) from the displacement gradient, (components, d, points)."""
         tangents = self.tangents(x, controls)
         stress = np.einsum("ia...,ab...->ib...", tangents, self.forces(tangents, controls))
@@ -301,7 +293,7 @@ def moduli(strip: Strip) -> Array:
     return d * np.array([[1.0, nu, 0.0], [nu, 1.0, 0.0], [0.0, 0.0, 1.0 - nu]])
 
 
-def eigencurvature(controls: Mapping[str, Any]) -> Any:
+def eigencurvature(controls: Values) -> Any:
     """Return the curvature (xx, yy, xy) (1/m) that makes no moment; ``None`` of a flat strip.
 
     ``strip.coil_set`` along and ``strip.crossbow`` across, positive where the top is the longer
@@ -333,11 +325,9 @@ class KirchhoffLove(LawEffect):
     def __init__(self, strip: Strip, imperfection: Array | None = None) -> None:
         frames = strip.frames()
         self.operator = CellOperator(strip, (1, 2), symmetric=True)
-        self.directions = strip.kinematics.directions
+        self.directions = d = strip.kinematics.directions
         self.stiffness = stiffness(strip)
-        self.powers = (
-            FIRST_DERIVATIVES[: self.directions] + SECOND_DERIVATIVES[: len(self.stiffness)]
-        )
+        self.powers = FIRST_DERIVATIVES[:d] + SECOND_DERIVATIVES[: len(self.stiffness)]
         self.reference = np.concatenate([frames.tangents, frames.seconds], axis=1)
         natural = 0.0 if imperfection is None else self.operator.apply(imperfection)
         self.curvature = self.bent(self.reference + natural)
@@ -348,16 +338,15 @@ class KirchhoffLove(LawEffect):
         second = derivatives[:, self.directions :]
         return np.einsum("ik...,i...->k...", second, m) / np.sqrt(dot(m, m))
 
-    def change(self, derivatives: Any, controls: Mapping[str, Any]) -> Any:
+    def change(self, derivatives: Any, controls: Values) -> Any:
         """Return n · r,ab less that without moments (1/m), (pairs, points), from r,a and r,ab."""
         change, own = self.bent(derivatives) - self.curvature, eigencurvature(controls)
         return change if own is None else change + own[: len(self.stiffness)]
 
-    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def law(self, x: Any, v: Any, controls: Values) -> Any:
         """Forces against the derivatives, (components, directions + pairs, points)."""
         derivatives = material_derivatives(x + self.reference, controls, self.powers)
-        change = self.change(derivatives, controls)
-        moments = np.einsum("kl,l...->k...", self.stiffness, change)
+        moments = np.einsum("kl,l...->k...", self.stiffness, self.change(derivatives, controls))
         forces = self.work(derivatives, weaken(moments, controls))
         return label_forces(forces, controls, self.powers)
 

@@ -8,7 +8,7 @@ of Computational Mechanics, chapter 14, 2004), in a stationary state r(X, Y) wit
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -21,7 +21,7 @@ from anmstrip.fem.operators import Blocks, CellOperator, LinearOperator, Part, P
 from anmstrip.fem.sampling import ContactOperator, SlopeOperator, l2_projection
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.contact import Friction, control_of, transform
-from anmstrip.mechanics.effects import LawEffect, scale_speeds
+from anmstrip.mechanics.effects import LawEffect, Values, scale_speeds
 from anmstrip.mechanics.roller import Projection, at_points
 
 DRIVEN = -1
@@ -105,12 +105,12 @@ class TurningFriction(Friction):
         pairs = zip(parts, self.numbers, strict=True)
         return {name: replace(part, numbers=(number,)) for (name, part), number in pairs}
 
-    def slip(self, place: Any, tangents: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def slip(self, place: Any, tangents: Any, v: Any, controls: Values) -> Any:
         """Tangential velocity relative to the surface (m/s), (components of slip, points)."""
         own = super().slip(place, tangents, v[:-1], controls)
         return own - self.turned(place) * (v[-1] * self.roller.sense)
 
-    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def law(self, x: Any, v: Any, controls: Values) -> Any:
         """Residual per area of the strip and of the surface, (components + 1, points)."""
         place, tangents, slip = self.sliding(x, v, controls)
         traction = self.traction(place, slip, controls)
@@ -171,7 +171,7 @@ class Drives(LawEffect):
         """Torque (N m) with which bearings brake, positive against positive speeds, (rollers,)."""
         return speeds / np.sqrt(speeds * speeds + self.speed**2) * self.bearings
 
-    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def law(self, x: Any, v: Any, controls: Values) -> Any:
         """Drag less torque, over the radius (N), shape (1, rollers)."""
         given = [controls[f"rollers.{name}.torque"] for name in self.names]
         torque = at_points(given, np.arange(len(given)))
@@ -185,7 +185,7 @@ class SteadyDrives(Drives):
 
     rate_dependent = False
 
-    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def law(self, x: Any, v: Any, controls: Values) -> Any:
         """Drag less torque, over the radius (N), shape (1, rollers)."""
         return super().law(x, x, controls)
 
@@ -223,7 +223,7 @@ class AlignedFriction(TurningFriction):
 
     operator_type = SurfaceOperator
 
-    def sliding(self, x: Any, v: Any, controls: Mapping[str, Any]) -> tuple[Projection, Any, Any]:
+    def sliding(self, x: Any, v: Any, controls: Values) -> tuple[Projection, Any, Any]:
         """Return where the points are on the roller, its tangents there, and their slip.
 
         Parameters
@@ -252,7 +252,7 @@ class AlignedFriction(TurningFriction):
             moving = moving + np.stack([shifted, *(changing[k] for k in others)])
         return place, tangents, moving
 
-    def rates(self, x: Any, v: Any, controls: Mapping[str, Any]) -> tuple[Any, Any, Any]:
+    def rates(self, x: Any, v: Any, controls: Values) -> tuple[Any, Any, Any]:
         """Return ∂r/∂t against the roller in its frame, speeds of free surfaces, and c (m/s).
 
         None for what is not there.
@@ -276,12 +276,8 @@ class TransportOperator(SurfaceOperator):
         inputs, outputs = super().matrices
         *_, surface = inputs
         ones = csr_matrix(np.ones((self.points, 1)))
-        return [*inputs, Part(ones, self.weights, self.end, row=surface.row + 1)], outputs
-
-    @property
-    def end(self) -> int:
-        """Number of the unknown after the free surfaces: the strip's own speed."""
-        return self.contact.matrix.shape[1] * self.contact.count + self.surface.shape[1]
+        own_speed = surface.first + self.surface.shape[1]  # the unknown behind those of surfaces
+        return [*inputs, Part(ones, self.weights, own_speed, row=surface.row + 1)], outputs
 
 
 @dataclass(frozen=True)
@@ -316,7 +312,7 @@ class CarriedFriction(AlignedFriction):
         own = zip(parts.items(), self.drifts.T[:, :, None], strict=True)
         return {name: replace(part, drifts=drifts) for (name, part), drifts in own}
 
-    def rates(self, x: Any, v: Any, controls: Mapping[str, Any]) -> tuple[Any, Any, Any]:
+    def rates(self, x: Any, v: Any, controls: Values) -> tuple[Any, Any, Any]:
         """Return ∂r/∂t against the roller in its frame, speeds of free surfaces, and c/g (m/s)."""
         change, _, _ = super().rates(x, v, controls)
         passing = v[-1]
@@ -325,13 +321,13 @@ class CarriedFriction(AlignedFriction):
             passing = passing - self.further(controls)
         return change, v[-2], passing / (self.growth(controls) + 1.0)
 
-    def growth(self, controls: Mapping[str, Any]) -> Any:
+    def growth(self, controls: Values) -> Any:
         """Return g − 1 at the points of the contact; 0 where labels stay."""
         if self.grown is None:
             return 0.0
         return _over_runs(controls["strip.held"], self._at_contact(self.grown))
 
-    def further(self, controls: Mapping[str, Any]) -> Any:
+    def further(self, controls: Values) -> Any:
         """Return ∂S/∂t (m/s) at the points of the contact, beyond that at their rollers' labels."""
         assert self.passed is not None and self.drifts is not None
         here = self._at_contact(self.passed)
@@ -357,7 +353,7 @@ class SteadyFriction(CarriedFriction):
 
     rate_dependent = False
 
-    def rates(self, x: Any, v: Any, controls: Mapping[str, Any]) -> tuple[Any, Any, Any]:
+    def rates(self, x: Any, v: Any, controls: Values) -> tuple[Any, Any, Any]:
         """Return no change, speeds of free surfaces, and c/g (m/s)."""
         speed = x[-1] + controls["strip.speed"]
         return None, x[-2], speed / (self.growth(controls) + 1.0)
@@ -412,7 +408,7 @@ class Passage(LawEffect):
         last = Part(csr_matrix(one[None]), one, unknowns - 1)
         self.operator = LinearOperator(1, ([*inputs, replace(last, row=len(inputs))], [last]))
 
-    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def law(self, x: Any, v: Any, controls: Values) -> Any:
         """Residual (N), shape (1, 1)."""
         moving, given = v[0], controls["strip.passing"]
         if self.grown is not None:

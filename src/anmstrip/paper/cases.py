@@ -100,15 +100,16 @@ def solve_case(case: MassSpring, scheme: str, *, order: int, tolerance: float) -
         reasons.append(reason)
         return path
 
-    found = integrate_controlled(
-        run, case.residual, tolerance, speed=FAST_SPEED * case.parameters.V_c
-    )
+    speed = FAST_SPEED * case.parameters.V_c
+    found = integrate_controlled(run, case.residual, tolerance, speed=speed)
     return CaseSolution(**vars(found), cost=cost, stopped=reasons[-1])
 
 
-def explicit_scheme(
-    case: MassSpring, order: int, tolerance: float, cost: Cost
-) -> tuple[TimePath, PathStopped | None]:
+Integrated = tuple[TimePath, PathStopped | None]
+"""Solution, and why it ended before its time."""
+
+
+def explicit_scheme(case: MassSpring, order: int, tolerance: float, cost: Cost) -> Integrated:
     """The paper's scheme, explicit in time."""
     p, rest = case.parameters, np.zeros(case.size)
     how: dict[str, Any] = {"order": order, "tolerance": tolerance, "speed": FAST_SPEED * p.V_c}
@@ -117,21 +118,15 @@ def explicit_scheme(
     return join_series(pieces), reason
 
 
-def implicit_scheme(
-    case: MassSpring, order: int, tolerance: float, cost: Cost
-) -> tuple[TimePath, PathStopped | None]:
+def implicit_scheme(case: MassSpring, order: int, tolerance: float, cost: Cost) -> Integrated:
     """Backward differences of order 1 and 2, each step a path of its own."""
     p, rest = case.parameters, np.zeros(case.size)
     u, v = find_consistent_state(case.residual, rest, rest, 0.0, tolerance, 0.0)
-    steps = integrate(
-        FunctionRateEquations(case.residual, p.t_end, p.V_c),
-        start_memory(0.0, u, v, FIRST_STEP_SHARE * p.t_end),
-        p.t_end,
-        solver=DenseSolver(),
-        settings=Settings(order, Tolerances(tolerance).time_residual, MAX_CASE_STEPS),
-        stepping=Stepping(p.t_end, tolerance),
-        cost=cost,
-    )
+    equations = FunctionRateEquations(case.residual, p.t_end, p.V_c)
+    begin = start_memory(0.0, u, v, FIRST_STEP_SHARE * p.t_end)
+    settings = Settings(order, Tolerances(tolerance).time_residual, MAX_CASE_STEPS)
+    how: dict[str, Any] = {"solver": DenseSolver(), "settings": settings, "cost": cost}
+    steps = integrate(equations, begin, p.t_end, stepping=Stepping(p.t_end, tolerance), **how)
     taken, reason = collect_steps(steps)
     return join_steps(u, v, taken, tolerance, p.V_c), reason
 
@@ -418,8 +413,7 @@ def run_case(
     if mistakes := list(find_mistakes(name, order, tolerance, settings, scheme)):
         raise InputError(mistakes)
     case = CASES[name]()
-    values = {key: float(value) for key, value in settings.items()}
-    p = replace(case.parameters, **values)
+    p = replace(case.parameters, **{key: float(value) for key, value in settings.items()})
     if p.eta >= p.K * p.delta:
         raise InputError([Mistake("--set", "eta", p.eta, "below K delta (N)", "eta=0.01")])
     case = replace(case, parameters=p)
@@ -463,10 +457,8 @@ def distances(
         Difference at equal times (m) up to which the curve is not looked at.
     """
     equal = np.abs(u - reference(times)).max(axis=1)
-    along = [
-        reference.distance(t, x, speed) if e > seen else e
-        for t, x, e in zip(times, u, equal, strict=True)
-    ]
+    states = zip(times, u, equal, strict=True)
+    along = [reference.distance(t, x, speed) if e > seen else e for t, x, e in states]
     return float(max(along)), float(equal.max())
 
 
@@ -502,13 +494,12 @@ def find_mistakes(
             hint = nearest(key, defaults)
             yield Mistake("--set", key, value, "a symbol of the paper", hint)
             continue
-        hint = f"{key}={defaults[key]}"
+        usual = defaults[key]
+        hint = f"{key}={usual}"
         if not np.isfinite(value):
             yield Mistake("--set", key, value, "a finite number", hint)
-        elif value and not 1.0 / SYMBOL_RANGE <= abs(value / defaults[key]) <= SYMBOL_RANGE:
-            expected = (
-                f"a number within a factor of {SYMBOL_RANGE:g} of the paper's {defaults[key]:g}"
-            )
+        elif value and not 1.0 / SYMBOL_RANGE <= abs(value / usual) <= SYMBOL_RANGE:
+            expected = f"a number within a factor of {SYMBOL_RANGE:g} of the paper's {usual:g}"
             yield Mistake("--set", key, value, expected, hint)
         elif key == "q" and not 0.0 < value <= 1.0:
             yield Mistake("--set", key, value, "above 0 and at most 1", hint)
@@ -543,12 +534,10 @@ def draw_figures(case: MassSpring, rows: Array, directory: Path) -> tuple[Path, 
     figures = {"displacement": displacement(case, rows)}
     if isinstance(case, PressedPlane):
         p = case.parameters
-        figures["friction-law-q"] = friction_law(
-            {f"q = {q:g}": NortonHoff(1.0, q, p.omega, 1.0) for q in EXPONENTS}, f"ω = {p.omega:g}"
-        )
-        figures["friction-law-omega"] = friction_law(
-            {f"ω = {w:g}": NortonHoff(1.0, p.q, w, 1.0) for w in WIDTHS}, f"q = {p.q:g}"
-        )
+        by_q = {f"q = {q:g}": NortonHoff(1.0, q, p.omega, 1.0) for q in EXPONENTS}
+        by_width = {f"ω = {w:g}": NortonHoff(1.0, p.q, w, 1.0) for w in WIDTHS}
+        figures["friction-law-q"] = friction_law(by_q, f"ω = {p.omega:g}")
+        figures["friction-law-omega"] = friction_law(by_width, f"q = {p.q:g}")
     elif isinstance(case, RotatingCircle):
         figures["trajectory"] = trajectory(case, rows)
         figures["reactions"] = reactions(case, rows)

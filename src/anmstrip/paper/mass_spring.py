@@ -411,15 +411,9 @@ class Reference:
 def reference_solution(case: MassSpring, accuracy: float = REDUCED_TOLERANCE) -> Reference:
     """Solution of the reduced equation by Radau's method, from rest to ``t_end``."""
     equation = reduced(case)
-    solution = solve_ivp(
-        equation.rate,
-        (0.0, case.parameters.t_end),
-        [0.0],
-        method="Radau",
-        dense_output=True,
-        rtol=accuracy,
-        atol=1e-3 * accuracy,
-    )
+    how: dict[str, Any] = {"method": "Radau", "rtol": accuracy, "atol": 1e-3 * accuracy}
+    whole = 0.0, case.parameters.t_end
+    solution = solve_ivp(equation.rate, whole, [0.0], dense_output=True, **how)
     if not solution.success:
         raise ArithmeticError(f"the reference could not be computed: {solution.message}")
     return Reference(equation, solution.sol, solution.t)

@@ -121,8 +121,7 @@ def accuracy_figure(rows: Rows, tension: float) -> Figure:
     """
     figure, panels = paneled_figure(1, 2, (11.0, 4.6), sharey=True)
     axes_of = dict(zip(("seconds", "tangents"), panels, strict=True))
-    axes_named = dict.fromkeys(row["along"] for row in rows)
-    for number, along in enumerate(axes_named):
+    for number, along in enumerate(dict.fromkeys(row["along"] for row in rows)):
         colour, dashed = f"C{number}", "--" if along == "newton" else "-"
         chosen = [row for row in rows if row["along"] == along and row.get("true_tension")]
         errors = [100.0 * row["true_tension"] / tension for row in chosen]
@@ -167,8 +166,7 @@ def sweep_figure(rows: Rows, varied: Sequence[str]) -> Figure:
     second = {json.dumps(row[varied[1]]) for row in rows} if len(varied) == 2 else set()
     draw = draw_map if len(second) > MAX_CURVES else draw_curves
     for axes, name in zip(panels, columns, strict=True):
-        values = np.array([row.get(name) for row in rows], dtype=float)
-        draw(axes, rows, varied, values)
+        draw(axes, rows, varied, np.array([row.get(name) for row in rows], dtype=float))
         axes.set_title(name.replace("_", " "))
     return figure
 
@@ -264,9 +262,8 @@ def draw_layout(
     backwards : bool
         Whether the strip travels from exit to entry.
     """
-    circles = [
-        wheel.centre[:, None] + wheel.radius * np.array([[-1, 1], [-1, 1]]) for wheel in wheels
-    ]
+    square = np.array([[-1, 1], [-1, 1]])
+    circles = [wheel.centre[:, None] + wheel.radius * square for wheel in wheels]
     everything = np.hstack([line, *circles])
     low, high = everything.min(axis=1), everything.max(axis=1)
     room = LINE_MARGIN * float((high - low).max())

@@ -32,18 +32,8 @@ from PIL import Image
 from anmstrip.arrays import Array, Index
 from anmstrip.errors import InputError, Mistake
 from anmstrip.pictures.report import spread_places
+from anmstrip.results import vtk
 from anmstrip.results.files import atomic_write
-from anmstrip.results.vtk import (
-    FIELDS,
-    TENSOR_COMPONENTS,
-    Field,
-    SurfaceMesh,
-    read_collection,
-    read_surface,
-    scalars,
-    sector_tones,
-    subdivide,
-)
 
 if TYPE_CHECKING:
     import pyvista
@@ -121,14 +111,8 @@ def render(
             draw_in_space(every)
             with atomic_write(folder / "movie.gif") as temporary:
                 first, *others = [quantize(frame.picture) for frame in every.frames]
-                first.save(
-                    temporary,
-                    format="GIF",
-                    save_all=True,
-                    append_images=others,
-                    duration=FRAME_MILLISECONDS,
-                    loop=0,
-                )
+                pace = {"duration": FRAME_MILLISECONDS, "loop": 0}
+                first.save(temporary, "GIF", save_all=True, append_images=others, **pace)
             pictures.append(folder / "movie.gif")
     return pictures
 
@@ -139,18 +123,18 @@ def list_states(folder: Path) -> list[State]:
     if not contents.is_file():
         found = "nothing of that name" if folder.exists() else "no such directory"
         raise refuse_results(contents, found)
-    entries = read_collection(contents)
+    entries = vtk.read_collection(contents)
     if not entries:
         raise refuse_results(contents, "no states in it")
-    rollers = read_collection(folder / "rollers.pvd")
+    rollers = vtk.read_collection(folder / "rollers.pvd")
     files = {entry.time: (folder / entry.file).resolve() for entry in rollers}
     return [(e.time, (folder / e.file).resolve(), files.get(e.time)) for e in entries]
 
 
-def read_state(path: Path) -> SurfaceMesh:
+def read_state(path: Path) -> vtk.SurfaceMesh:
     """Read the surface of a state, or refuse a file that is missing or damaged."""
     try:
-        return read_surface(path)
+        return vtk.read_surface(path)
     except (FileNotFoundError, ValueError) as error:
         missing = isinstance(error, FileNotFoundError)
         raise refuse_results(path, "no such file" if missing else str(error)) from error
@@ -162,7 +146,7 @@ def refuse_results(path: Path, found: str) -> InputError:
     return InputError([Mistake(str(path), "", found, "the states that a run wrote", hint)])
 
 
-def choose_field(surface: SurfaceMesh, field: str | None) -> str:
+def choose_field(surface: vtk.SurfaceMesh, field: str | None) -> str:
     """Check the field that was asked for, or choose one that shows something."""
     names = list(surface.fields)
     if field is None and names:
@@ -272,7 +256,7 @@ def choices(names: Iterable[str]) -> list[str]:
     """
     found = []
     for name in names:
-        components = FIELDS[name].components if name in FIELDS else ()
+        components = vtk.FIELDS[name].components if name in vtk.FIELDS else ()
         found += [name, *(f"{name}.{component}" for component in components)]
     return found
 
@@ -302,8 +286,8 @@ def title(name: str, largest: float) -> tuple[str, float]:
     'bending moment, xx [0.001 N]'
     """
     base, _, component = name.partition(".")
-    field = FIELDS.get(base, Field(base.replace("_", " "), ""))
-    component = component or ("xx" if field.components == TENSOR_COMPONENTS else "")
+    field = vtk.FIELDS.get(base, vtk.Field(base.replace("_", " "), ""))
+    component = component or ("xx" if field.components == vtk.TENSOR_COMPONENTS else "")
     label = f"{field.label}, {component}" if component else field.label
     power = 0
     if field.unit and not field.unit.startswith("1") and 0.0 < largest < np.inf:
@@ -350,21 +334,21 @@ class Frame:
         A triangle is a quadrilateral whose last two corners coincide.  The values are NaN in a
         state without that field (no slip without friction).
         """
-        surface = read_surface(self.strip)
-        cells = subdivide(surface.cells)
+        surface = vtk.read_surface(self.strip)
+        cells = vtk.subdivide(surface.cells)
         if cells.shape[1] == 3:
             cells = cells[:, [0, 1, 2, 2]]
         values = surface.fields.get(field.partition(".")[0])
         if values is None:
             values = np.full(len(surface.points), np.nan)
-        return surface.points, cells, scalars(field, values)
+        return surface.points, cells, vtk.scalars(field, values)
 
     def read_rollers(self) -> tuple[Array, Index, Index] | None:
         """Read the points, the quadrilaterals and the tone, 0 or 1, of each of them."""
         if self.rollers is None:
             return None
-        surface = read_surface(self.rollers)
-        return surface.points, surface.cells, sector_tones(surface)
+        surface = vtk.read_surface(self.rollers)
+        return surface.points, surface.cells, vtk.sector_tones(surface)
 
 
 @dataclass(frozen=True)
@@ -508,16 +492,9 @@ def add_strip(plotter: pyvista.Plotter, job: Job, frame: Frame) -> None:
     surface = pyvista.wrap(merged.GetOutput())
     nearer = STRIP_SHIFT * job.eye.half_height * job.eye.axes[2]
     surface.translate(nearer, inplace=True)
-    plotter.add_mesh(
-        surface,
-        scalars=label,
-        cmap=job.colours,
-        clim=list(limits),
-        nan_color=NO_VALUE,
-        specular=0.1,
-        scalar_bar_args={"title": label + "\n", "n_labels": job.labels, **SCALAR_BAR},
-        **SHADING,
-    )
+    bar = {"title": label + "\n", "n_labels": job.labels, **SCALAR_BAR}
+    looks = {"clim": list(limits), "nan_color": NO_VALUE, "specular": 0.1, **SHADING}
+    plotter.add_mesh(surface, scalars=label, cmap=job.colours, scalar_bar_args=bar, **looks)
     outline = surface.extract_feature_edges(feature_edges=False, manifold_edges=False)
     outline.translate(0.2 * nearer, inplace=True)
     plotter.add_mesh(outline, color=OUTLINE, line_width=2.0, lighting=False)
@@ -595,10 +572,8 @@ def draw_side(job: Job, target: Path) -> None:
 
 def add_polygons(axes: Axes, corners: Array, colours: Array, edge: float) -> None:
     """Add polygons (n, 4, 2) in colours (n, 3), edges of a width (points) included."""
-    shapes = list(corners)
-    axes.add_collection(
-        PolyCollection(shapes, facecolors=colours, edgecolors=colours, linewidths=edge)
-    )
+    shapes = PolyCollection(list(corners), facecolors=colours, edgecolors=colours, linewidths=edge)
+    axes.add_collection(shapes)
 
 
 def blank_figure(job: Job, frame: Frame) -> Figure:
@@ -607,13 +582,9 @@ def blank_figure(job: Job, frame: Frame) -> Figure:
     figure = Figure(figsize=inches, dpi=DOTS_PER_INCH, facecolor="white")
     figure.text(0.017, 0.945, f"t = {frame.time:.4g} s", fontsize=14)
     label, _, limits = job.scale
-    bar = figure.colorbar(
-        ScalarMappable(Normalize(*limits), job.colours),
-        cax=figure.add_axes((0.62, 0.845, 0.34, 0.04)),
-        orientation="horizontal",
-        ticks=np.linspace(*limits, job.labels),
-        format="%.3g",
-    )
+    colours = ScalarMappable(Normalize(*limits), job.colours)
+    place, ticks = figure.add_axes((0.62, 0.845, 0.34, 0.04)), np.linspace(*limits, job.labels)
+    bar = figure.colorbar(colours, cax=place, orientation="horizontal", ticks=ticks, format="%.3g")
     bar.outline.set_visible(False)
     bar.ax.xaxis.tick_top()
     bar.ax.tick_params(length=0, labelsize=12)

@@ -17,15 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from anmstrip.errors import InputError, Mistake
+from anmstrip.results import vtk
 from anmstrip.results.files import AnyPath, atomic_write, error_rows, read_history, read_json
-from anmstrip.results.vtk import (
-    FIELDS,
-    read_collection,
-    read_surface,
-    scalars,
-    sector_tones,
-    subdivide,
-)
 
 MAX_TIMES, MAX_STATIONS, MAX_HISTORY_STEPS, MAX_SURFACE_POINTS = 40, 400, 2000, 12_000
 """Instants and stations of profiles, steps of the history and points of the surface that a report
@@ -75,11 +68,8 @@ BEND_TABLE = {
 """The same of the table of bends of strip that can yield."""
 
 STUDY_TABLES = {
-    "sweep": "status",
-    "map": "entry_tension",
-    "response": "gain",
-    "accuracy": "tolerance",
-}
+    "sweep": "status", "map": "entry_tension", "response": "gain", "accuracy": "tolerance",
+}  # fmt: skip
 """Tables of studies, and their first columns that are not varied."""
 
 DRAWN_RESULTS = ("tension_ratio", "true_tension", "entry_tension", "gain")
@@ -212,10 +202,8 @@ def written_profiles(path: Path) -> list[dict[str, Any]]:
         times = np.array([float(line.partition(",")[0]) for line in lines])
     instants = np.unique(times)
     shown = instants[spread_places(len(instants), MAX_TIMES)]
-    parts = [
-        rows[spread_places(len(rows), MAX_STATIONS)]
-        for rows in map(np.flatnonzero, times == shown[:, None])
-    ]
+    stations = (np.flatnonzero(times == time) for time in shown)
+    parts = [rows[spread_places(len(rows), MAX_STATIONS)] for rows in stations]
     table = read_history(path, set(np.concatenate([np.zeros(0, dtype=int), *parts]).tolist()))
     table.pop("time", None)
     begin, found = 0, []
@@ -237,26 +225,23 @@ def history_columns(path: Path) -> dict[str, list[Any]]:
 
 def last_surface(folder: Path) -> dict[str, Any] | None:
     """Return the last state: points, triangles, fields, and the rollers; None without one."""
-    if not (entries := read_collection(folder / "strip.pvd")):
+    if not (entries := vtk.read_collection(folder / "strip.pvd")):
         return None
-    surface = read_surface(folder / entries[-1].file)
+    surface = vtk.read_surface(folder / entries[-1].file)
     fine = len(surface.points) <= MAX_SURFACE_POINTS
     corners = {16: [0, 3, 15, 12], 21: [0, 5, 20]}.get(surface.cells.shape[1])
-    cells = subdivide(surface.cells) if fine or corners is None else surface.cells[:, corners]
+    cells = vtk.subdivide(surface.cells) if fine or corners is None else surface.cells[:, corners]
     used, cells = np.unique(cells, return_inverse=True)
-    fields = {
-        name: {
-            "label": FIELDS[name].label,
-            "unit": FIELDS[name].unit,
-            "values": round_digits(values),
-        }
-        for name, values in ((n, scalars(n, v[used])) for n, v in surface.fields.items())
-        if name not in ("normal", "arc_length") and np.any(np.nan_to_num(values))
-    }
+    fields = {}
+    for name, found in surface.fields.items():
+        values = vtk.scalars(name, found[used])
+        if name not in ("normal", "arc_length") and np.any(np.nan_to_num(values)):
+            known, told = vtk.FIELDS[name], round_digits(values)
+            fields[name] = {"label": known.label, "unit": known.unit, "values": told}
     space = {"time": entries[-1].time, "fields": fields, **triangulate(surface.points[used], cells)}
-    if rollers := read_collection(folder / "rollers.pvd"):
-        body = read_surface(folder / rollers[-1].file)
-        tones = np.repeat(sector_tones(body), 2)
+    if rollers := vtk.read_collection(folder / "rollers.pvd"):
+        body = vtk.read_surface(folder / rollers[-1].file)
+        tones = np.repeat(vtk.sector_tones(body), 2)
         space["rollers"] = triangulate(body.points, body.cells) | {"tones": tones.tolist()}
     return space
 
@@ -281,10 +266,8 @@ def html_tables(summary: Mapping[str, Any]) -> Iterable[str]:
         title = "Sharpest bends, and the curl and crossbow of unloaded strip behind the roller"
         yield rows_by_roller(title, bends, BEND_TABLE)
     if edges := summary.get("edges"):
-        rows = (
-            [name, format_number(e["tension"]), *map(format_number, e["force"])]
-            for name, e in edges.items()
-        )
+        ends = ((name, e["tension"], *e["force"]) for name, e in edges.items())
+        rows = ([name, *map(format_number, values)] for name, *values in ends)
         yield html_table("Ends", ["end", "tension (N/m)", "force x (N)", "y (N)", "z (N)"], rows)
     if errors := summary.get("errors"):
         heads = ["of", "tension (N/m)", "roller's force (N)", "position (m)"]
@@ -294,11 +277,7 @@ def html_tables(summary: Mapping[str, Any]) -> Iterable[str]:
         yield html_table("Stages", ["stage", "steps", "tangents", "seconds"], rows)
 
 
-def rows_by_roller(
-    title: str,
-    rollers: Mapping[str, Mapping[str, Any]],
-    shown: Mapping[str, tuple[str, str, float]],
-) -> str:
+def rows_by_roller(title: str, rollers: Mapping[str, Any], shown: Mapping[str, Any]) -> str:
     """Return a table of what is shown of every roller: by entry its head, unit and factor."""
     heads = (f"{head} ({unit})" if unit else head for head, unit, _ in shown.values())
     rows = (

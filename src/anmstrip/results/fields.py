@@ -185,16 +185,11 @@ class FieldSampler:
         t = self.strip.thickness
         sx, sy, sxy = membrane / t + 6.0 * moments / t**2
         mises = layers.get("equivalent", np.sqrt(sx**2 - sx * sy + sy**2 + 3.0 * sxy**2))
-        names = [name for name in layers if name in FIELDS]
-        return {
-            **{name: self._average(layers[name]) for name in names},
-            "tension": self._average(tension),
-            "membrane_force": self._average(membrane),
-            "bending_moment": self._average(moments),
-            "von_mises": self._average(mises),
-            "mean_curvature": self._average(0.5 * (curvature[0] + curvature[1])),
-            "normal": self._average(normal),
-        }
+        values = {name: each for name, each in layers.items() if name in FIELDS}
+        values |= {"tension": tension, "membrane_force": membrane, "bending_moment": moments}
+        mean_curvature = 0.5 * (curvature[0] + curvature[1])
+        values |= {"von_mises": mises, "mean_curvature": mean_curvature, "normal": normal}
+        return {name: self._average(each) for name, each in values.items()}
 
     @cached_property
     def stations(self) -> tuple[Array, Index, csr_matrix]:
@@ -252,8 +247,7 @@ class FieldSampler:
         if state.membrane is None:
             pull = state.controls.get("exit.force", np.zeros(3))[0]
             return np.multiply.outer([pull, 0.0, 0.0], np.ones(shape[1:]))
-        forces = _components(state.membrane.at(state.full, state.controls))
-        return self._recovered(forces)
+        return self._recovered(_components(state.membrane.at(state.full, state.controls)))
 
     def _recovered(self, values: Array, layered: bool = False) -> Array:
         """Values at quadrature points (m, points) as recovered, shape (m, elements, points).
@@ -367,18 +361,13 @@ class Profile:
         low, high = (np.full(self.station.max() + 1, end) for end in (np.inf, -np.inf))
         np.minimum.at(low, self.station, fields["tension"])
         np.maximum.at(high, self.station, fields["tension"])
-        columns = {name: self._mean(position[:, k]) for k, name in enumerate("xyz")}
-        columns |= {
-            "arc_length": self._mean(fields["arc_length"]),
-            "tension": self._mean(fields["tension"]),
-            "pressure": self._mean(fields["normal_pressure"]),
-            "curvature": self._mean(self.fields.curvature(state)[:, 0]),
-            "moment": self._mean(fields["bending_moment"][:, 0]),
-            **{name: self._mean(values) for name, values in yielded.items()},
-            "tension_min": low,
-            "tension_max": high,
-            **self.friction_columns(state, fields["normal"]),
-        }
+        values = {name: position[:, k] for k, name in enumerate("xyz")}
+        values |= {"arc_length": fields["arc_length"], "tension": fields["tension"]}
+        values |= {"pressure": fields["normal_pressure"], "moment": fields["bending_moment"][:, 0]}
+        values |= {"curvature": self.fields.curvature(state)[:, 0], **yielded}
+        columns = {name: self._mean(each) for name, each in values.items()}
+        columns |= {"tension_min": low, "tension_max": high}
+        columns |= self.friction_columns(state, fields["normal"])
         loads = np.full(len(columns["x"]), np.nan)
         for name, reading in state.rollers.items():
             contact, ends = state.contacts[name], (reading.line_load_in, reading.line_load_out)

@@ -409,8 +409,7 @@ def read_history(
     with Path(path).open(encoding="utf-8", newline="") as file:
         lines = (line for line in file if line.endswith("\n"))
         header = next(csv.reader(lines), [])
-        wanted = (line for n, line in enumerate(lines) if rows is None or n in rows)
-        records = csv.reader(wanted)
+        records = csv.reader(line for n, line in enumerate(lines) if rows is None or n in rows)
         parts: list[list[Any]] = [[] for _ in header]
         while some := list(islice(records, ROWS_AT_ONCE)):
             if {len(row) for row in some} != {len(header)}:

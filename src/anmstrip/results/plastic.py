@@ -15,12 +15,8 @@ from anmstrip.mechanics.shell import moduli, weaken
 from anmstrip.results.strip_state import StripState, stations
 
 PLASTIC_COLUMNS = (
-    "residual_curvature",
-    "elongation",
-    "plastic_share",
-    "plastic_strain",
-    "yield_power",
-)
+    "residual_curvature", "elongation", "plastic_share", "plastic_strain", "yield_power",
+)  # fmt: skip
 """Columns of ``profile.csv`` for strip that can yield."""
 
 LAYER_COLUMNS = ("time", "arc_length", "height", "stress", "plastic_strain", "residual_stress")
@@ -224,7 +220,7 @@ class YieldedStrip:
         strip behind it, since strip may yield again where tension straightens it.
         """
         begin, _ = self.strip.span
-        middles = {n: c.middle - begin for n, c in self.state.contacts.items() if c.touching.any()}
+        middles = {n: c.middle - begin for n, c in self.state.touched.items()}
         names = sorted(middles, key=lambda name: middles[name])
         places = np.array([middles[name] for name in names])
         if not names:

@@ -51,7 +51,7 @@ STICKING_SHARE = 0.95
 STEP_READINGS = ("normal_force", "drag", "wrap", "max_slip", "surface_speed", "torque")
 """Attributes of a :class:`RollerReading` that are read off after every step."""
 
-READ_AS_THEY_ARE = (*STEP_READINGS[:2], *STEP_READINGS[3:], "bearing_torque")
+READ_AS_THEY_ARE = (*STEP_READINGS[:2], *STEP_READINGS[3:], "bearing_torque", "resultant")
 """Those of a :class:`ContactState` that are readings themselves."""
 
 WIDTH_STRIPES = 16
@@ -145,19 +145,19 @@ class ContactState:
         mean = np.divide(squares, forces, out=np.zeros_like(x), where=forces > 0.0)
         return np.maximum(TOUCHING_SHARE * mean, self.contact.signorini.faint)
 
-    @property
+    @cached_property
     def pressed(self) -> Index:
         """Numbers of these points in the whole strip."""
         return np.asarray(self.contact.operator.chosen[self.touching])
 
-    @property
+    @cached_property
     def cone_share(self) -> Array:
         """|R_T| / (f R_N) of the points in contact, 0 elsewhere and without friction."""
         cone = (self.coefficient or 0.0) * self.pressure
         size = np.linalg.norm(self.traction, axis=0)
         return np.divide(size, cone, out=np.zeros_like(size), where=self.touching & (cone > 0.0))
 
-    @property
+    @cached_property
     def status(self) -> Array:
         """Status of each point: 0 free, 1 in contact, 2 in contact and slipping."""
         return np.where(self.touching, np.where(self.cone_share >= STICKING_SHARE, 2.0, 1.0), 0.0)
@@ -359,7 +359,6 @@ def reading_of(
         line_load_in=loads[0],
         line_load_out=loads[1],
         offset=offset,
-        resultant=state.resultant,
     )
 
 

@@ -283,6 +283,11 @@ class StripState:
         return found
 
     @property
+    def touched(self) -> dict[str, ContactState]:
+        """Roller → what it does to the strip, of those that it lies on."""
+        return {name: c for name, c in self.contacts.items() if c.touching.any()}
+
+    @property
     def contact(self) -> Contact | None:
         """Normal contact with all rollers."""
         contact = self._effect("contact")
@@ -294,10 +299,8 @@ class StripState:
         contact = self.contact
         return np.zeros(0) if contact is None else contact.nearest_gaps(self.full, self.controls)
 
-    def _contact(
-        self, contact: Contact, friction: Friction | None, elements: Index
-    ) -> ContactState:
-        points = np.unique(contact.operator.cells[elements])
+    def _contact(self, contact: Contact, friction: Friction | None, near: Index) -> ContactState:
+        points = np.unique(contact.operator.cells[near])
         if not points.size:
             look = contact.look(self.full, self.controls)
             points = np.array([contact.gap(look, self.controls).argmin()])
@@ -307,9 +310,9 @@ class StripState:
         slip, traction = np.zeros_like(normal), np.zeros_like(normal)
         if friction is not None and self.velocity is not None:
             rubbed = place.gap < friction.contact.reaches
-            near = friction.restricted(points[rubbed])
-            x, v = near.operator.apply(self.full), near.operator.apply(self.velocity)
-            slip[:, rubbed], traction[:, rubbed] = near.in_space(x, v, self.controls)
+            part = friction.restricted(points[rubbed])
+            x, v = part.operator.apply(self.full), part.operator.apply(self.velocity)
+            slip[:, rubbed], traction[:, rubbed] = part.in_space(x, v, self.controls)
         coefficient = None if friction is None else friction.law_of_slip.coefficient
         roller = contact.roller.members[0]
         ratio = 1.0 if place.ratio is None else place.ratio
@@ -319,7 +322,7 @@ class StripState:
         slope = self.slope(contact.operator.reference[0, nearest])
         up = turn_upwards(self.plan.model.strip, slope) @ normal[:, nearest]
         lifting = float(self.controls.get("pressure", 0.0) * np.sign(up))
-        return ContactState(contact, place.gap, normal, pressure, *rubbing, elements, lifting)
+        return ContactState(contact, place.gap, normal, pressure, *rubbing, near, lifting)
 
     def _turning(self, name: str) -> tuple[float, float]:
         """Speed of a roller's surface (m/s), and torque of its bearings against it (N m)."""
@@ -437,7 +440,7 @@ class StripState:
         strip, gravity = self.plan.model.strip, self.controls.get("gravity", np.zeros(3))
         begin, end = strip.span
         area = np.asarray(length)[..., None] / (end - begin) * strip.areas.sum()
-        return np.asarray(strip.material.density * strip.thickness * area * gravity)
+        return np.asarray(strip.mass * area * gravity)
 
 
 def stations(strip: Strip, x: Array) -> tuple[Array, Index]:

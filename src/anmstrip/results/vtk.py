@@ -47,11 +47,8 @@ is left are stored as they are.  States of a shell are 8 % larger and take two t
 level 1 makes files 1 % larger than the default, in half the time."""
 
 _KINDS = {
-    3: (5, np.arange(3)),
-    4: (9, np.arange(4)),
-    16: (70, LAGRANGE_ORDER),
-    21: (69, TRIANGLE_ORDER),
-}
+    3: (5, np.arange(3)), 4: (9, np.arange(4)), 16: (70, LAGRANGE_ORDER), 21: (69, TRIANGLE_ORDER),
+}  # fmt: skip
 """For each number of nodes, VTK's number of the cell, and its nodes' order."""
 
 CELL_ARRAYS = ("connectivity", "offsets", "types")
@@ -375,10 +372,8 @@ def write_rollers(
     surfaces = [roller_surface(roller, 1.2 * width, angle) for roller, angle in pairs]
     count = np.cumsum([0, *(len(surface.points) for surface in surfaces)])
     cells = [surface.cells + count[k] for k, surface in enumerate(surfaces)]
-    fields = {
-        **{n: np.concatenate([s.fields[n] for s in surfaces]) for n in surfaces[0].fields},
-        "roller": np.repeat(np.arange(len(surfaces)), np.diff(count)),
-    }
+    fields = {n: np.concatenate([s.fields[n] for s in surfaces]) for n in surfaces[0].fields}
+    fields["roller"] = np.repeat(np.arange(len(surfaces)), np.diff(count))
     points = np.concatenate([surface.points for surface in surfaces])
     write_surface(path, points, np.concatenate(cells), fields)
 
@@ -430,9 +425,8 @@ class Collection:
                 files.insert(0, self.path)
             if missing := [file for file in files if not file.exists()]:
                 expected = "the files of the run that is to go on"
-                raise InputError(
-                    [Mistake(str(missing[0]), "", "no such file", expected, START_AFRESH)]
-                )
+                mistake = Mistake(str(missing[0]), "", "no such file", expected, START_AFRESH)
+                raise InputError([mistake])
             self._write(kept)
         self.count, self.last = len(kept), kept[-1].time if kept else None
 

@@ -116,8 +116,7 @@ def free_spans(state: State) -> Iterator[Span]:
     strip, d = model.strip, model.strip.bending_stiffness
     begin, stop = strip.span
     reach = FREE_DISTANCE * np.sqrt(d / model.scales.tension) * np.array([-1.0, 1.0])
-    touched = [(name, c) for name, c in state.contacts.items() if c.touching.any()]
-    arcs = sorted((*(contact.arc + reach), name) for name, contact in touched)
+    arcs = sorted((*(contact.arc + reach), name) for name, contact in state.touched.items())
     stations = [(begin, begin, "the entry"), *arcs, (stop, stop, "the exit")]
     (positions, fibres, _), weights = quadrature_points(strip), strip.weights().ravel()
     lines = np.round(fibres / (FIBRE_WIDTH * strip.cell_sizes[1].max())).astype(np.int64)
@@ -128,9 +127,8 @@ def free_spans(state: State) -> Iterator[Span]:
         place = before, after, float(start), float(end)
         q = np.pi / float(np.diff(state.unstressed_length(np.array([start, end])))[0])
         within = (start <= positions) & (positions <= end)
-        inside = within & far_from_supports(
-            state, COMPRESSED_SHARE * bearable_compression(d, q, model.scales.tension)
-        )
+        least = COMPRESSED_SHARE * bearable_compression(d, q, model.scales.tension)
+        inside = within & far_from_supports(state, least)
         if not inside.any():
             yield Span(*place, 0.0, 0.0, np.inf, 0.0, inside)
             continue
@@ -697,8 +695,7 @@ class WrinkleWatch:
         _, factors, modes = self.looked
         found: dict[tuple[str, str] | None, float] = {}
         for factor, mode in zip(factors, modes.T, strict=True):
-            span = Onset(state, mode_heights(state, mode), WAVES).span
-            found.setdefault(span, float(factor))
+            found.setdefault(Onset(state, mode_heights(state, mode), WAVES).span, float(factor))
         return found
 
     def during(self, state: State) -> list[Onset]:

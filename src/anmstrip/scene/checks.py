@@ -32,6 +32,7 @@ from anmstrip.scene.tables import (
     missing,
 )
 
+Mistakes = Iterator[Mistake]
 Rollers = tuple[RollerSpec, ...]
 Stages = tuple[StageSpec, ...]
 Edges = Mapping[str, EdgeSpec]
@@ -96,7 +97,7 @@ def nonzero(vector: tuple[float, float, float] | None) -> list[str]:
     return [name for name, value in zip("xyz", vector or (), strict=False) if value != 0]
 
 
-def duplicates(key: str, tables: Rollers | Stages) -> Iterator[Mistake]:
+def duplicates(key: str, tables: Rollers | Stages) -> Mistakes:
     """Yield rollers or stages that have the name of another."""
     names = [table.name for table in tables]
     for name, count in Counter(names).items():
@@ -106,16 +107,14 @@ def duplicates(key: str, tables: Rollers | Stages) -> Iterator[Mistake]:
             yield Mistake("", f"{key}.{name}.name", name, expected, f'name = "{free}"')
 
 
-def known_edges(strip: StripSpec, edges: Edges, stages: Stages) -> Iterator[Mistake]:
+def known_edges(strip: StripSpec, edges: Edges, stages: Stages) -> Mistakes:
     """Yield names of edges that a strip without mesh file does not have."""
     if strip.mesh is not None:  # its own names; checked when it is read
         return
     known = ENDS if strip.kinematics == "section" else EDGE_NAMES
     given = [(f"edges.{name}", name, "the name of an edge", known) for name in edges]
-    given += [
-        (key, name, "a known key or the name of an edge", (*known, *STAGE_KEYS))
-        for key, name, _ in edge_controls(stages)
-    ]
+    wanted = "a known key or the name of an edge", (*known, *STAGE_KEYS)
+    given += [(key, name, *wanted) for key, name, _ in edge_controls(stages)]
     for key, name, expected, words in given:
         if name in EDGE_NAMES and name not in known:
             sides = 'entry or exit: a "section" has no width, hence no sides'
@@ -124,7 +123,7 @@ def known_edges(strip: StripSpec, edges: Edges, stages: Stages) -> Iterator[Mist
             yield Mistake("", key, name, expected, nearest(name, words))
 
 
-def known_rollers(rollers: Rollers, stages: Stages) -> Iterator[Mistake]:
+def known_rollers(rollers: Rollers, stages: Stages) -> Mistakes:
     """Yield rollers of stages that the scene does not have, unless one may be a doubled name's."""
     known = [roller.name for roller in rollers]
     for stage in stages if len(set(known)) == len(known) else ():
@@ -134,7 +133,7 @@ def known_rollers(rollers: Rollers, stages: Stages) -> Iterator[Mistake]:
                 yield Mistake("", key, name, "the name of a roller", nearest(name, known))
 
 
-def controls_of_drives(rollers: Rollers, stages: Stages, friction: Friction) -> Iterator[Mistake]:
+def controls_of_drives(rollers: Rollers, stages: Stages, friction: Friction) -> Mistakes:
     """Yield controls that a roller's drive does not have, and rollers that nothing turns."""
     drive = {roller.name: roller.drive for roller in rollers}
     for name, kind in drive.items():
@@ -152,7 +151,7 @@ def controls_of_drives(rollers: Rollers, stages: Stages, friction: Friction) -> 
                     yield Mistake("", place, value, expected, f'drive = "{needed}", or no {key}')
 
 
-def flat_plates(strip: StripSpec, friction: Friction, threading: Threading) -> Iterator[Mistake]:
+def flat_plates(strip: StripSpec, friction: Friction, threading: Threading) -> Mistakes:
     """Yield what needs a strip that moves along, or is bent far."""
     if strip.kinematics != "plate":
         return
@@ -168,16 +167,15 @@ def flat_plates(strip: StripSpec, friction: Friction, threading: Threading) -> I
         yield Mistake("", "strip.feed", True, "false: a plate does not move along", "feed = false")
 
 
-def rollers_of_a_section(strip: StripSpec, rollers: Rollers) -> Iterator[Mistake]:
+def rollers_of_a_section(strip: StripSpec, rollers: Rollers) -> Mistakes:
     """Yield rollers that are not the same all across."""
     if strip.kinematics != "section":
         return
     for roller in rollers:
         for key, value in roller.profile.items():
+            place = f"rollers.{roller.name}.{key}"
             expected = f'no {key}, since "section" has no width'
-            yield Mistake(
-                "", f"rollers.{roller.name}.{key}", value, expected, NEXT_KINEMATICS["section"]
-            )
+            yield Mistake("", place, value, expected, NEXT_KINEMATICS["section"])
         if roller.axis[0] or roller.axis[2]:
             expected = 'an axis along y, since "section" has no width'
             along_y = abs(roller.axis[1]) >= MIN_AXIS_ACROSS * hypot(*roller.axis)
@@ -185,7 +183,7 @@ def rollers_of_a_section(strip: StripSpec, rollers: Rollers) -> Iterator[Mistake
             yield Mistake("", f"rollers.{roller.name}.axis", roller.axis, expected, hint)
 
 
-def known_directions(strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
+def known_directions(strip: StripSpec, stages: Stages) -> Mistakes:
     """Yield motion, force and gravity along what a level does not have."""
     level = strip.kinematics
     given = []
@@ -205,12 +203,11 @@ def known_directions(strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
         if vector is not None and unseen:
             kept = [v if c in seen else 0.0 for c, v in zip("xyz", vector, strict=True)]
             expected = f"0 along {' and '.join(unseen)}: {WHY_NOT[level]}"
-            yield Mistake(
-                "", key, vector, expected, f"{short} = {kept}, or {NEXT_KINEMATICS[level]}"
-            )
+            hint = f"{short} = {kept}, or {NEXT_KINEMATICS[level]}"
+            yield Mistake("", key, vector, expected, hint)
 
 
-def tensions_and_moments(strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
+def tensions_and_moments(strip: StripSpec, stages: Stages) -> Mistakes:
     """Yield tensions that a plate does not look at, and moments where nothing bends or turns far.
 
     A plate's own tension is that of ``exit.force``.
@@ -230,7 +227,7 @@ def tensions_and_moments(strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
             yield Mistake("", f"{key}.moment", control.moment, expected, hint)
 
 
-def held_components(edges: Edges, stages: Stages) -> Iterator[Mistake]:
+def held_components(edges: Edges, stages: Stages) -> Mistakes:
     """Yield motion of free components and force on held ones; a release frees them all."""
     conveyed = {f"stages.{stage.name}.entry" for stage in stages if stage.steady}
     for place, name, control, fixed, released in held_in_stages(edges, stages):
@@ -251,7 +248,7 @@ def held_components(edges: Edges, stages: Stages) -> Iterator[Mistake]:
             yield Mistake("", f"{place}.tension", control.tension, expected, release)
 
 
-def released_for_good(edges: Edges, stages: Stages) -> Iterator[Mistake]:
+def released_for_good(edges: Edges, stages: Stages) -> Mistakes:
     """Yield edges let go that nothing held, and those to be held again once they were let go."""
     by = dict[str, str]()
     for stage in stages:
@@ -268,7 +265,7 @@ def released_for_good(edges: Edges, stages: Stages) -> Iterator[Mistake]:
                 yield Mistake("", f"stages.{stage.name}.{name}.release", False, expected, hint)
 
 
-def pulled_once(threading: Threading, edges: Edges, stages: Stages) -> Iterator[Mistake]:
+def pulled_once(threading: Threading, edges: Edges, stages: Stages) -> Mistakes:
     """Yield forces on ends of a threaded line that the tension of the same stage replaces.
 
     Elsewhere they act besides a tension, as they do where the end is held in z.
@@ -280,7 +277,7 @@ def pulled_once(threading: Threading, edges: Edges, stages: Stages) -> Iterator[
             yield Mistake("", f"{key}.tension", control.tension, expected, hint)
 
 
-def speeds_at_ends(strip: StripSpec, edges: Edges, stages: Stages) -> Iterator[Mistake]:
+def speeds_at_ends(strip: StripSpec, edges: Edges, stages: Stages) -> Mistakes:
     """Yield speeds of what is no held end of the strip, and of a plate, which stays in place."""
     for key, name, control, held, released in held_in_stages(edges, stages):
         if control.speed is None:
@@ -300,9 +297,7 @@ def speeds_at_ends(strip: StripSpec, edges: Edges, stages: Stages) -> Iterator[M
         yield Mistake("", f"{key}.speed", control.speed, expected, hint)
 
 
-def tables_of_temperature(
-    strip: StripSpec, material: MaterialSpec, stages: Stages
-) -> Iterator[Mistake]:
+def tables_of_temperature(strip: StripSpec, material: MaterialSpec, stages: Stages) -> Mistakes:
     """Yield tables over the temperature of strip that has none, or another than they tell of."""
     given = [s.temperature for s in (strip, *(stage.strip for stage in stages)) if s.temperature]
     samples = np.concatenate([[0.0], *(np.ravel(field.samples) for field in given)])
@@ -324,7 +319,7 @@ def tables_of_temperature(
             yield Mistake("", f"material.{key}", pairs, expected, f"{key} = {wider}")
 
 
-def natural_shapes(strip: StripSpec, material: MaterialSpec, stages: Stages) -> Iterator[Mistake]:
+def natural_shapes(strip: StripSpec, material: MaterialSpec, stages: Stages) -> Mistakes:
     """Yield eigenstrain and eigencurvature that a strip cannot have, or not as much."""
     shapes = [("strip", strip), *((f"stages.{s.name}.strip", s.strip) for s in stages)]
     value: object
@@ -360,7 +355,7 @@ def natural_shapes(strip: StripSpec, material: MaterialSpec, stages: Stages) -> 
 
 def moderate_strain(
     where: str, key: str, given: Any, strip: StripSpec, material: MaterialSpec
-) -> Iterator[Mistake]:
+) -> Mistakes:
     """Yield an eigenstrain that no metal has, most often in another unit."""
     faces = 0.5 * strip.thickness
     units = {"temperature": material.expansion or 0.0, "flatness": I_UNIT}
@@ -373,9 +368,8 @@ def moderate_strain(
             f"at most {MAX_THREADED_STRAIN / unit:.3g} ({name}); {largest:.3g} would be a strain "
             f"of {100.0 * unit * largest:.3g} %"
         )
-        yield Mistake(
-            "", where, largest, expected, f"{key} = {0.01 * MAX_THREADED_STRAIN / unit:.2g}"
-        )
+        hint = f"{key} = {0.01 * MAX_THREADED_STRAIN / unit:.2g}"
+        yield Mistake("", where, largest, expected, hint)
 
 
 def moved_ends(
@@ -410,7 +404,7 @@ def held_along(
 
 def ends_of_a_fed_strip(
     strip: StripSpec, threading: Threading, edges: Edges, stages: Stages
-) -> Iterator[Mistake]:
+) -> Mistakes:
     """Yield motions of ends of a fed strip that material cannot pass."""
     for key, value in moved_ends(threading, edges, stages) if strip.feed else ():
         expected = "nothing beside strip.feed: a fed strip passes ends that stay, one of them free"
@@ -418,7 +412,7 @@ def ends_of_a_fed_strip(
         yield Mistake("", key, value, expected, hint)
 
 
-def gravity_has_density(material: MaterialSpec, stages: Stages) -> Iterator[Mistake]:
+def gravity_has_density(material: MaterialSpec, stages: Stages) -> Mistakes:
     """Yield a density that gravity lacks."""
     weighing = [stage.name for stage in stages if stage.gravity is not None]
     if weighing and material.density is None:
@@ -427,7 +421,7 @@ def gravity_has_density(material: MaterialSpec, stages: Stages) -> Iterator[Mist
         yield replace(mistake, key="material.density", expected=expected)
 
 
-def known_laws_are_sharpened(friction: Friction, contact: Contact) -> Iterator[Mistake]:
+def known_laws_are_sharpened(friction: Friction, contact: Contact) -> Mistakes:
     """Yield laws of one's own that "auto" cannot sharpen."""
     own = (friction is not None and ":" in friction.law) or (contact and contact.law)
     if friction is not None and friction.regularisation == "auto" and own:
@@ -437,7 +431,7 @@ def known_laws_are_sharpened(friction: Friction, contact: Contact) -> Iterator[M
 
 def refined_mesh_is_estimated(
     strip: StripSpec, material: MaterialSpec, friction: Friction, stages: Stages
-) -> Iterator[Mistake]:
+) -> Mistakes:
     """Yield what keeps ``refined = "auto"`` from its goal."""
     if strip.refined != "auto":
         return
@@ -451,7 +445,7 @@ def refined_mesh_is_estimated(
         yield Mistake("", "strip.refined", "auto", f"a length{reason}", "refined = 0.025")
 
 
-def rollers_have_friction(friction: Friction, rollers: Rollers) -> Iterator[Mistake]:
+def rollers_have_friction(friction: Friction, rollers: Rollers) -> Mistakes:
     """Yield rollers with a coefficient of their own in a scene without friction."""
     for roller in rollers:
         if friction is None and roller.friction is not None:
@@ -460,7 +454,7 @@ def rollers_have_friction(friction: Friction, rollers: Rollers) -> Iterator[Mist
             yield Mistake("", f"rollers.{roller.name}.friction", roller.friction, expected, hint)
 
 
-def stages_have_friction(friction: Friction, stages: Stages) -> Iterator[Mistake]:
+def stages_have_friction(friction: Friction, stages: Stages) -> Mistakes:
     """Yield stages that ask for friction in a scene without."""
     for stage in stages:
         if friction is None and stage.friction and "friction" in stage.model_fields_set:
@@ -471,7 +465,7 @@ def stages_have_friction(friction: Friction, stages: Stages) -> Iterator[Mistake
 
 def steady_stages(
     friction: Friction, rollers: Rollers, edges: Edges, stages: Stages, threading: Threading
-) -> Iterator[Mistake]:
+) -> Mistakes:
     """Yield what a stationary state cannot be without, and what cannot be in it."""
     speed, held = None, edges["entry"].fixed if "entry" in edges else ()
     closed = threading is not None and threading.closed
@@ -510,7 +504,7 @@ def steady_stages(
                     yield Mistake("", f"{key}.{name}.{word}", value, expected, "take it out")
 
 
-def yielding_strip(material: MaterialSpec, strip: StripSpec) -> Iterator[Mistake]:
+def yielding_strip(material: MaterialSpec, strip: StripSpec) -> Mistakes:
     """Yield plastic flow of what has no layers, or whose layers could not be followed."""
     if material.plasticity is None:
         return
@@ -528,7 +522,7 @@ def yielding_strip(material: MaterialSpec, strip: StripSpec) -> Iterator[Mistake
         yield Mistake("", "strip.feed", strip.feed, expected, "no feed, or no plasticity")
 
 
-def threading_partners(threading: Threading, rollers: Rollers) -> Iterator[Mistake]:
+def threading_partners(threading: Threading, rollers: Rollers) -> Mistakes:
     """Yield what is missing: the table, or a side for some roller."""
     wrapped = [roller for roller in rollers if roller.wrap is not None]
     if threading is None:
@@ -545,7 +539,7 @@ def threading_partners(threading: Threading, rollers: Rollers) -> Iterator[Mista
         yield Mistake("", "threading", None, expected, hint)
 
 
-def one_length(threading: Threading, strip: StripSpec) -> Iterator[Mistake]:
+def one_length(threading: Threading, strip: StripSpec) -> Mistakes:
     """Yield a length that is missing, or given besides both ends from which it follows."""
     both = threading is not None and None not in (threading.entry, threading.exit)
     both |= threading is not None and threading.closed
@@ -558,7 +552,7 @@ def one_length(threading: Threading, strip: StripSpec) -> Iterator[Mistake]:
         yield replace(missing(StripSpec, "length"), key="strip.length")
 
 
-def held_entry(threading: Threading, edges: Edges) -> Iterator[Mistake]:
+def held_entry(threading: Threading, edges: Edges) -> Mistakes:
     """Yield an entry that gives way when the exit is pulled."""
     fixed = edges["entry"].fixed if "entry" in edges else ()
     if threading is not None and not threading.closed and not {"x", "z"} <= set(fixed):
@@ -574,7 +568,7 @@ def closed_strip(
     rollers: Rollers,
     edges: Edges,
     stages: Stages,
-) -> Iterator[Mistake]:
+) -> Mistakes:
     """Yield what an endless strip cannot have: ends, a width that bends, stages in time."""
     if threading is None or not threading.closed:
         return
@@ -610,14 +604,14 @@ def closed_strip(
             yield Mistake("", f"{key}.rollers", None, expected, 'drive = "speed"')
 
 
-def own_name(stages: Stages) -> Iterator[Mistake]:
+def own_name(stages: Stages) -> Mistakes:
     """Yield a stage that has the name of the threading."""
     if any(stage.name == THREADING for stage in stages):
         key = f"stages.{THREADING}.name"
         yield Mistake("", key, THREADING, "another name: [threading] has this one", 'name = "run"')
 
 
-def threading_ends(threading: Threading) -> Iterator[Mistake]:
+def threading_ends(threading: Threading) -> Mistakes:
     """Yield ends to one side: the way lies in the plane y = 0."""
     ends = (threading.entry, threading.exit) if threading else ()
     for name, place in zip(ENDS, ends, strict=False):
@@ -627,9 +621,7 @@ def threading_ends(threading: Threading) -> Iterator[Mistake]:
             yield Mistake("", f"threading.{name}", place, expected, hint)
 
 
-def borne_tension(
-    threading: Threading, strip: StripSpec, material: MaterialSpec
-) -> Iterator[Mistake]:
+def borne_tension(threading: Threading, strip: StripSpec, material: MaterialSpec) -> Mistakes:
     """Yield a tension that no metal strip bears, most often in another unit."""
     stiffness = material.young * strip.thickness
     if threading is None or threading.closed:  # belts of rubber are stretched more
@@ -653,7 +645,7 @@ def borne_tension(
         yield Mistake("", "threading.tension", threading.tension, expected, hint)
 
 
-def borne_moments(strip: StripSpec, material: MaterialSpec, stages: Stages) -> Iterator[Mistake]:
+def borne_moments(strip: StripSpec, material: MaterialSpec, stages: Stages) -> Mistakes:
     """Yield moments that bend the faces of a strip by more than a metal bears."""
     plate = material.young / (1.0 - material.poisson**2)
     most = MAX_THREADED_STRAIN * plate * strip.thickness**2 / 6.0
@@ -681,7 +673,7 @@ def meant_modulus(young: float) -> tuple[str, float] | None:
     return unit, factor * young
 
 
-def wrapped_axes(rollers: Rollers) -> Iterator[Mistake]:
+def wrapped_axes(rollers: Rollers) -> Mistakes:
     """Yield axes along the strip: threading cuts rollers by planes y = const."""
     for roller in rollers:
         if roller.wrap is not None and abs(roller.axis[1]) < MIN_AXIS_ACROSS * hypot(*roller.axis):
@@ -690,7 +682,7 @@ def wrapped_axes(rollers: Rollers) -> Iterator[Mistake]:
             yield Mistake("", key, roller.axis, expected, "axis = [0.0, 1.0, 0.0]")
 
 
-def separate_rollers(rollers: Rollers) -> Iterator[Mistake]:
+def separate_rollers(rollers: Rollers) -> Mistakes:
     """Yield rollers that overlap a parallel one before: axes closer than the sum of the radii."""
     large: dict[str, tuple[float, float]] = {}  # radius, and distance to an axis within it
     radii = np.array([r.radius for r in rollers])
@@ -716,8 +708,7 @@ def separate_rollers(rollers: Rollers) -> Iterator[Mistake]:
         away = offset[:, j] / distance[j] if distance[j] else np.array([0.0, 0.0, 1.0])
         centre = second.centre + (1.01 * least[j] - distance[j]) * away
         hint = f"centre = [{', '.join(f'{c:.4g}' for c in centre)}], or smaller radii"
-        key = f"rollers.{second.name}.centre"
-        yield Mistake("", key, list(second.centre), expected, hint)
+        yield Mistake("", f"rollers.{second.name}.centre", list(second.centre), expected, hint)
     for name, (radius, far) in large.items():
         meant = {"mm": 1e-3 * radius, "µm": 1e-6 * radius, "another unit": 0.1 * far}
         unit = next(unit for unit, better in meant.items() if better < far)
@@ -726,7 +717,7 @@ def separate_rollers(rollers: Rollers) -> Iterator[Mistake]:
         yield Mistake("", f"rollers.{name}.radius", radius, expected, hint)
 
 
-def times_of_the_run(threading: Threading, stages: Stages, output: OutputSpec) -> Iterator[Mistake]:
+def times_of_the_run(threading: Threading, stages: Stages, output: OutputSpec) -> Mistakes:
     """Yield times to write that the run does not reach."""
     end = sum(stage.duration for stage in stages) + (threading.duration if threading else 0.0)
     reached = [time for time in output.times or () if time <= end * (1.0 + ROUND_OFF)]
@@ -759,7 +750,7 @@ KEY_RULES = (known_rollers, gravity_has_density)
 
 def check_scene(
     tables: Mapping[str, Any], rules: Iterable[Callable[..., Iterable[Mistake]]] = RULES
-) -> Iterator[Mistake]:
+) -> Mistakes:
     """Yield what is wrong between those tables of a scene that are right in themselves.
 
     Parameters

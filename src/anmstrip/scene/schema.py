@@ -25,16 +25,9 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 
 from anmstrip.errors import InputError, Mistake, as_path, as_texts, nearest
+from anmstrip.scene import hints
 from anmstrip.scene import tables as scene_tables
 from anmstrip.scene.checks import DRIVES, KEY_RULES, check_scene
-from anmstrip.scene.hints import (
-    expected_number,
-    key_elsewhere,
-    key_like,
-    likely_value,
-    name_like,
-    with_decimal_point,
-)
 from anmstrip.scene.tables import (
     EDGE_NAMES,
     LARGEST_NUMBER,
@@ -338,7 +331,7 @@ class Override:
         try:
             (value,) = tomllib.loads(f"value = {typed}").values()
         except (ValueError, RecursionError):
-            pointed = with_decimal_point(f"{key}={typed}")
+            pointed = hints.with_decimal_point(f"{key}={typed}")
             if pointed is not None and not cls.parse(pointed).bare:
                 hint = f"--set {pointed}"
                 raise wrong_override(text, key, typed, "a value in TOML syntax", hint) from None
@@ -382,10 +375,8 @@ class Override:
         if head not in names:
             key, known = ".".join(self.path), [name for name in names if isinstance(name, str)]
             raise wrong_override(self.text, key, head, "a known name", nearest(head, known))
-        return [
-            self.applied_to(table, depth + 1) if name == head else table
-            for table, name in zip(tables, names, strict=True)
-        ]
+        pairs = zip(tables, names, strict=True)
+        return [self.applied_to(each, depth + 1) if name == head else each for each, name in pairs]
 
 
 def wrong_override(text: str, key: str, value: object, expected: str, hint: str) -> InputError:
@@ -485,7 +476,7 @@ def rollers_as_typed(rollers: object) -> tuple[RollerSpec, ...]:
     """Return rollers that are wrong in themselves with their names, none where one is no name."""
     tables = rollers if isinstance(rollers, list | tuple) else ()
     names = [table.get("name") for table in tables if isinstance(table, Mapping)]
-    if not all(isinstance(name, str) and name_like(name) == name for name in names):
+    if not all(isinstance(name, str) and hints.name_like(name) == name for name in names):
         return ()
     named: Any = RollerSpec.model_construct
     return tuple(named(name=name) for name in names)
@@ -534,7 +525,7 @@ def parse_scene(text: str, source: str) -> dict[str, Any]:
             key, lines = f"line {number}", text.splitlines()
             value = lines[int(number) - 1] if int(number) <= len(lines) else None
             hint = "valid TOML: key = value, text in quotes, each key once"
-            if pointed := with_decimal_point(value or ""):
+            if pointed := hints.with_decimal_point(value or ""):
                 expected += "; numbers have a decimal point, not a comma"
                 hint = pointed
     raise InputError([Mistake(source, key, value, expected, hint)])
@@ -581,7 +572,7 @@ def mistakes_of(
             known = [*STAGE_KEYS, *EDGE_NAMES] if misspelt else known
             hint = nearest(place.keys[-1], known)
             wanted = place.keys[-1]
-            if typed := key_like(wanted, value, known) or key_elsewhere(wanted, known):
+            if typed := hints.key_like(wanted, value, known) or hints.key_elsewhere(wanted, known):
                 hint = typed
             elif others := " or ".join(keys_of(model, place.keys[-1])):
                 stages = [stage.name for stage in stages_as_typed(data.get("stages")) if stage.name]
@@ -593,7 +584,7 @@ def mistakes_of(
             yield Mistake("", key, value, "a table of the scene", "[strip]")
         else:
             value = None if found["type"] == "missing" and not place.item else value
-            expected = f"{expected_number(found['type'], value)}{place.meaning}"
+            expected = f"{hints.expected_number(found['type'], value)}{place.meaning}"
             least, largest = SMALLEST_NUMBER, LARGEST_NUMBER
             if isinstance(value, float) and (abs(value) > largest or 0.0 < value < least):
                 expected += f"; numbers are at most {largest:g}, and {least:g} at least if positive"
@@ -609,9 +600,9 @@ def better_value(kind: str, value: Any, place: Place, data: Mapping[str, Any]) -
     """
     if place.field is None or (place.item and kind != "missing"):
         return None
-    if place.name == "name" and kind.startswith("string_") and name_like(value):
-        return f'"{name_like(value)}"'
-    better = likely_value(kind, value, place.meaning, place.field)
+    if place.name == "name" and kind.startswith("string_") and hints.name_like(value):
+        return f'"{hints.name_like(value)}"'
+    better = hints.likely_value(kind, value, place.meaning, place.field)
     if place.name == "drive" and better is None:
         given = set[str]()
         for stage in stages_as_typed(data.get("stages")):
@@ -636,11 +627,8 @@ def told_once(found: Iterable[Mistake]) -> list[Mistake]:
 
 def meant_keys(found: Iterable[Mistake]) -> set[tuple[str, ...]]:
     """Return the keys that were presumably meant by the unknown ones among mistakes."""
-    return {
-        (*m.key.split(".")[:-1], re.split(" \\(the nearest| = ", m.hint)[0])
-        for m in found
-        if m.expected == "a known key"
-    }
+    wrong = [m for m in found if m.expected == "a known key"]
+    return {(*m.key.split(".")[:-1], re.split(" \\(the nearest| = ", m.hint)[0]) for m in wrong}
 
 
 def inner_tables(field: FieldInfo) -> list[type[BaseModel]]:

@@ -38,12 +38,9 @@ I_UNIT = 1e-5
 SMALLEST_NUMBER, LARGEST_NUMBER = 1e-30, 1e30
 """Bounds of numbers in a scene, so that no product of a handful of them over- or underflows."""
 
-Number = Annotated[
-    float, Field(strict=True, allow_inf_nan=False, ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)
-]
-Positive = Annotated[
-    float, Field(strict=True, allow_inf_nan=False, ge=SMALLEST_NUMBER, le=LARGEST_NUMBER)
-]
+Finite = Annotated[float, Field(strict=True, allow_inf_nan=False, le=LARGEST_NUMBER)]
+Number = Annotated[Finite, Field(ge=-LARGEST_NUMBER)]
+Positive = Annotated[Finite, Field(ge=SMALLEST_NUMBER)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Integer = Annotated[int, Field(strict=True, ge=1)]
 Count = Annotated[Integer, Field(le=100_000)]
@@ -98,8 +95,7 @@ def example_of(key: str, field: FieldInfo) -> str:
 
 def missing(model: type[BaseModel], key: str) -> Mistake:
     """Return the mistake of having left out a field of a model."""
-    example = example_of(key, model.model_fields[key])
-    return Mistake("", key, None, meanings(model)[key], example)
+    return Mistake("", key, None, meanings(model)[key], example_of(key, model.model_fields[key]))
 
 
 def not_both(table: Table, **units: str) -> Iterator[Mistake]:
@@ -477,8 +473,7 @@ class FrictionSpec(Table):
     @property
     def constants(self) -> tuple[str, ...]:
         """Keys that the law has besides f and V_c."""
-        built_in = {"algebraic": (), "tanh": ("omega",)}
-        return built_in.get(self.law, ("exponent", "omega"))
+        return {"algebraic": (), "tanh": ("omega",)}.get(self.law, ("exponent", "omega"))
 
     def find_mistakes(self) -> Iterator[Mistake]:
         """Yield a constant without the law that has it."""
@@ -675,6 +670,11 @@ class StageSpec(Table):
     """controls by roller, tables (m, m/s)"""
     edges: dict[str, EdgeControl] = Field({}, examples=["{ entry.release = true }"])
     """controls by edge, tables (N/m, m, m/s)"""
+
+    @property
+    def moves(self) -> dict[str, tuple[float, float, float]]:
+        """Rollers that the stage moves, and to where from where they began (m)."""
+        return {name: c.move for name, c in self.rollers.items() if c.move is not None}
 
     @model_validator(mode="before")
     @classmethod

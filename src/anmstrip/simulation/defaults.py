@@ -155,7 +155,7 @@ def open_stages(scene: SceneSpec) -> list[StageSpec]:
 def follows_rollers(scene: SceneSpec) -> bool:
     """Return whether labels of a fed strip follow rollers that move, and runs take strip up."""
     wrapped = {r.name for r in scene.rollers if r.wrap is not None}
-    moved = {name for stage in open_stages(scene) for name, c in stage.rollers.items() if c.move}
+    moved = {name for stage in open_stages(scene) for name in stage.moves}
     return not wrapped.isdisjoint(moved)
 
 
@@ -170,10 +170,9 @@ def thermal_growth(scene: SceneSpec, given: FieldSpec, places: Array) -> Array:
     places : ndarray, shape (places,)
         Distances from the entry (m).
     """
-    before, after = (
-        1.0 + (scene.material.expansion or 0.0) * field.means(places)
-        for field in (scene.strip.temperature or FieldSpec(across=(0.0,)), given)
-    )
+    fields = scene.strip.temperature or FieldSpec(across=(0.0,)), given
+    expansion = scene.material.expansion or 0.0
+    before, after = (1.0 + expansion * field.means(places) for field in fields)
     return np.asarray(before / after - 1.0) * np.ones_like(places)
 
 
@@ -361,8 +360,7 @@ def tension_of_moves(scene: SceneSpec) -> float:
         apart = np.array([length, 0.0, 0.0]) + places["exit"][0] - places["entry"][0]
         way = float(np.linalg.norm(apart))
         for roller in scene.rollers:
-            control = stage.rollers.get(roller.name)
-            x, _, z = np.add(roller.centre, (control and control.move) or 0.0)
+            x, _, z = np.add(roller.centre, stage.moves.get(roller.name, 0.0))
             into = roller.radius - np.copysign(z, z * roller.centre[2])
             if into > 0.0 and abs(x) < 0.5 * length:
                 way += 0.5 * into**2 * (1.0 / (0.5 * length + x) + 1.0 / (0.5 * length - x))
@@ -590,9 +588,8 @@ def stage_speeds(scene: SceneSpec, stage: StageSpec) -> Iterator[tuple[str, floa
 
 def move_lengths(stage: StageSpec) -> list[float]:
     """Return how far (m) rollers and edges are moved in a stage."""
-    given = [roller.move for roller in stage.rollers.values()]
-    given += [edge.move for edge in stage.edges.values()]
-    return [float(np.linalg.norm(move or 0.0)) for move in given]
+    given = [*stage.moves.values(), *(edge.move or 0.0 for edge in stage.edges.values())]
+    return [float(np.linalg.norm(move)) for move in given]
 
 
 def distributed_load(scene: SceneSpec) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -146,8 +146,7 @@ class Step:
     @property
     def tension_ratio(self) -> float | None:
         """Tension before the first roller over that after it, or None without a roller."""
-        readings = self.state.rollers.values()
-        return next((reading.tension_ratio for reading in readings), None)
+        return next((reading.tension_ratio for reading in self.state.rollers.values()), None)
 
 
 class March:
@@ -172,6 +171,8 @@ class March:
         Unstressed length (m) of the strip that has been fed in, in time.
     follow : callable
         Follows paths, by series or by Newton's method (``solver.method``).
+    ways : dict
+        The solver and the counters, which all that solves is given.
     """
 
     def __init__(self, assembly: Assembly) -> None:
@@ -181,6 +182,7 @@ class March:
         self.tolerances = Tolerances(assembly.scene.solver.tolerance)
         self.course, self.solver = Course(assembly), SparseSolver()
         self.cost = Cost(most=assembly.scene.solver.max_tangents)
+        self.ways: dict[str, Any] = {"solver": self.solver, "cost": self.cost}
         self.full = np.zeros(assembly.unknowns)
         self.velocity = np.zeros_like(self.full)
         self.reached: float | None = None
@@ -195,8 +197,7 @@ class March:
         reactions = {}
         for name, control in stage.edges.items():
             if state is not None and control.release and name not in self.course.released:
-                length = self.assembly.strip.edges[name].length
-                reactions[name] = state.edge_force(name) / length
+                reactions[name] = state.edge_force(name) / self.assembly.strip.edges[name].length
         if stage.steady and state is not None and state.plan.in_time:
             self.course.take_over(state)
         if stage.steady and self.reached is None:
@@ -276,11 +277,6 @@ class March:
         self.course.stand_still()
         return True
 
-    @property
-    def ways(self) -> dict[str, Any]:
-        """The solver and the counters, which all that solves is given."""
-        return {"solver": self.solver, "cost": self.cost}
-
     def here(self, plan: StageProblem) -> State:
         """Return the present state, as one of a stage."""
         velocity = self.velocity if plan.in_time or plan.steady else None
@@ -325,24 +321,16 @@ class March:
         ------
         PathStopped
         """
-        settings = Settings(
-            order=self.assembly.order,
-            tolerance=self.tolerances.time_residual if plan.in_time else self.tolerances.path,
-            max_steps=steps,
-            rational=not self.scene.output.events,  # events are roots of polynomials
-        )
+        tolerance = self.tolerances.time_residual if plan.in_time else self.tolerances.path
+        rational = not self.scene.output.events  # events are roots of polynomials
+        settings = Settings(self.assembly.order, tolerance, steps, rational=rational)
         if plan.in_time:
             yield from self._in_time(plan, settings)
         else:
-            direct = plan.steady and not between
-            yield from self._rate_free(plan, settings, self._settled if direct else self._path)
+            yield from self._rate_free(plan, settings, direct=plan.steady and not between)
 
-    def _rate_free(
-        self,
-        plan: StageProblem,
-        settings: Settings,
-        path: Callable[[Equilibrium, Array, Settings], Iterator[PathStep]],
-    ) -> Iterator[Step]:
+    def _rate_free(self, plan: StageProblem, settings: Settings, direct: bool) -> Iterator[Step]:
+        path = self._settled if direct else self._path
         u, equations = self._start(plan)
         begun, floor = self.reached or 0.0, 0.0
         imbalance = equations.imbalance(equations.residual(u, begun))
@@ -378,11 +366,9 @@ class March:
         floor = ROUND_OFF_MARGIN * equations.round_off(u, 1.0)
         if imbalance <= max(floor, NEGLIGIBLE_IMBALANCE):
             return u, imbalance
-        begin, kept = imbalance, TANGENT_REUSE_RATIO
-        patient = Corrections(floor, MAX_LAST_CORRECTIONS, SLOW_CONVERGENCE_RATIO, kept=kept)
-        quick = replace(
-            patient, uncounted=0.0, least=1, helpful=SLOW_CONVERGENCE_RATIO, near=np.inf
-        )
+        begin, kept, slow = imbalance, TANGENT_REUSE_RATIO, SLOW_CONVERGENCE_RATIO
+        patient = Corrections(floor, MAX_LAST_CORRECTIONS, slow, kept=kept)
+        quick = replace(patient, uncounted=0.0, least=1, helpful=slow, near=np.inf)
         for aim in (quick, patient):
             found = Newton(equations, self.solver, aim, self.cost).corrected(u, 1.0)
             if found is not None and found.imbalance < imbalance:
@@ -529,8 +515,7 @@ class March:
             if memory.times[0] == until < ends[-1]:  # slip turns round: it begins anew
                 now = memory.errors and Errors(memory.errors.after, memory.errors.after, 0.0)
                 past = memory.states[0], memory.v
-                first = min(self._first(plan), following - until)
-                memory = start_memory(until, *past, first, now)
+                memory = start_memory(until, *past, min(self._first(plan), following - until), now)
 
     def _begun(self, plan: StageProblem, motion: Motion, memory: Memory, **ways: Any) -> Memory:
         """The memory of a stage that begins anew, with the velocity after its first instant.
@@ -545,8 +530,7 @@ class March:
         ratio = friction.law_of_slip.speed / usual.speed
         wide = [effect.at_speed(usual.speed) for effect in plan.model.effects]
         brief = replace(memory, step=ratio * memory.step)
-        other = replace(motion, model=plan.model.with_effects(wide))
-        found = settle(other, brief, **ways)
+        found = settle(replace(motion, model=plan.model.with_effects(wide)), brief, **ways)
         return replace(found, v=ratio * found.v, step=memory.step)
 
     def _step(self, plan: StageProblem, step: TimeStep, order: int, before: Array) -> Step:

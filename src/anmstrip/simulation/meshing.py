@@ -33,7 +33,7 @@ from anmstrip.simulation.defaults import (
     stage_speeds,
     thermal_growth,
 )
-from anmstrip.simulation.threading import Thread
+from anmstrip.simulation.threading import Interval, Thread
 
 MAX_ELEMENTS = 250_000
 """Of a strip; the tangent of a shell of so many takes tens of gigabytes."""
@@ -265,8 +265,8 @@ class Layout:
             margin = fine_beside(self.bending_layer, size)
             lifts = np.array([arc[roller.name] for arc in self.arcs if roller.name in arc])
             if not len(lifts):  # anywhere near where the strip passes the roller
-                moves = [stage.rollers.get(roller.name) for stage in scene.stages]
-                ways = [(0.0, 0.0, 0.0), *(m.move for m in moves if m is not None and m.move)]
+                moves = [stage.moves.get(roller.name) for stage in scene.stages]
+                ways = [(0.0, 0.0, 0.0), *filter(None, moves)]
                 places = axis_crossing(roller) + np.array(ways)[:, [0, 2]]
                 x = places[:, 0] if thread is None else [thread.passing(p)[0] for p in places]
                 reach = 0.5 * np.pi * roller.radius
@@ -289,7 +289,7 @@ class Layout:
         scene, spec, half, thread = self.scene, self.scene.strip, self.half, self.thread
         coarse = 2.0 * half / cells[0]
         fine = spec.element_length or LAYER_SHARE * boundary_layer(scene) or np.inf
-        zones = list[tuple[float, float]]()
+        zones = list[Interval]()
         if scene.contact is not None and fine < coarse:
             zones = self.fine_zones(self.rollers)
         graded = list[Zone]()
@@ -305,9 +305,7 @@ class Layout:
             return graded_nodes(half, graded, coarse, self.lifts, finer=mesh_density(scene))
         return lines_of_nodes(half, zones, fine / mesh_density(scene), coarse / mesh_density(scene))
 
-    def _refuse_more(
-        self, cells: tuple[int, int], zones: list[tuple[float, float]], fine: float
-    ) -> None:
+    def _refuse_more(self, cells: tuple[int, int], zones: list[Interval], fine: float) -> None:
         """Refuse more elements than fit into a computer, before they are made."""
         scene, half = self.scene, self.half
         across = 1 if scene.strip.kinematics == "section" else cells[1]
@@ -370,9 +368,7 @@ class Layout:
         """Lengths (m) of elements by default over rollers."""
         scene, layer = self.scene, self.bending_layer
         pairs = zip(self.rollers, self.deepest_bearing, strict=True)
-        return [
-            wanted_size(scene, r.radius, layer, depth, r.name in self.nipping) for r, depth in pairs
-        ]
+        return [wanted_size(scene, r.radius, layer, d, r.name in self.nipping) for r, d in pairs]
 
     @property
     def shortest_wanted(self) -> float:
@@ -446,8 +442,7 @@ class Layout:
         scene, thread, stages = self.scene, self.thread, open_stages(self.scene)
         if thread is None or not stages:
             return []
-        moved = {name for stage in stages for name, c in stage.rollers.items() if c.move}
-        loose = moved - set(thread.arcs)
+        loose = {name for stage in stages for name in stage.moves} - set(thread.arcs)
         if not loose or not (loose := loose - self.nipping):
             return []
         found, arcs = list[LooseRoller](), list(thread.arcs.values())
@@ -465,7 +460,7 @@ class Layout:
         return [other for other in found if other.roller.name in reached]
 
     @cached_property
-    def arcs(self) -> list[dict[str, tuple[float, float]]]:
+    def arcs(self) -> list[dict[str, Interval]]:
         """Arcs of a threaded strip at the beginning and, where rollers move or weight acts, later.
 
         Where labels follow rollers, the middle of an arc stays where it was.
@@ -520,18 +515,16 @@ class Layout:
                 return True
         return False
 
-    def fine_zones(self, rollers: Sequence[Roller]) -> list[tuple[float, float]]:
+    def fine_zones(self, rollers: Sequence[Roller]) -> list[Interval]:
         """Stretches of strip, in the reference, that come to lie on some of the rollers."""
-        zones, united = [], list[tuple[float, float]]()
+        zones, united = [], list[Interval]()
         half, thread = self.half, self.thread
         threaded = {} if thread is None else thread.arcs
         margin = 4.0 * min(boundary_layer(self.scene), half)
         back, ahead = self.travel
         for roller in rollers:
             reach = 0.5 * np.pi * roller.radius
-            middle = (
-                roller.centre[0] if thread is None else thread.passing(axis_crossing(roller))[0]
-            )
+            middle = roller.centre[0] if thread is None else label_at(roller, thread)
             first, last = middle - reach, middle + reach
             if roller.name in threaded:
                 first, last = threaded[roller.name]
@@ -561,8 +554,7 @@ class Layout:
         ways = []
         for edge in held - free:
             controls = [stage.edges.get(edge) for stage in scene.stages]
-            speeds = [None if c is None else c.signed_speed for c in controls]
-            ways.append(_travel(scene, speeds))
+            ways.append(_travel(scene, [None if c is None else c.signed_speed for c in controls]))
         if (not held or free) and not any(map(any, ways)):
             drives = {roller.drive for roller in scene.rollers}
             if "torque" in drives and "speed" not in drives:
@@ -689,11 +681,10 @@ def rollers_in_stages(
     """Yield rollers where they are at the end of each stage; None where it moves none."""
     places = {roller.name: roller for roller in rollers}
     for stage in scene.stages:
-        ways = {name: control.move for name, control in stage.rollers.items() if control.move}
-        for roller in (roller for roller in rollers if roller.name in ways):
-            centre = np.add(roller.centre, ways[roller.name])
+        for roller in (roller for roller in rollers if roller.name in stage.moves):
+            centre = np.add(roller.centre, stage.moves[roller.name])
             places[roller.name] = replace(roller, centre=tuple(centre))
-        yield tuple(places.values()) if ways else None
+        yield tuple(places.values()) if stage.moves else None
 
 
 def fine_beside(layer: float, size: float) -> float:
@@ -753,9 +744,7 @@ def threaded_around(
             return now, np.array(kept) < count
 
 
-def hanging_arcs(
-    thread: Thread, arcs: dict[str, tuple[float, float]], runs: Array
-) -> dict[str, tuple[float, float]]:
+def hanging_arcs(thread: Thread, arcs: dict[str, Interval], runs: Array) -> dict[str, Interval]:
     """Return arcs between runs that hang: longer where these are over their roller."""
     forth = np.sign(np.cos(thread.middle.angles[::2, 0]))
     found = {}
@@ -800,17 +789,14 @@ def loads_in_stages(scene: SceneSpec, *after: StageSpec) -> Iterator[Loads]:
     pulls: dict[str, float | None] = {"exit": scene.threading.tension, "entry": None}
     mass = (scene.material.density or 0.0) * scene.strip.thickness
     stiffness = scene.material.young * scene.strip.thickness
+    free, width = [r for r in scene.rollers if r.drive != "speed"], scene.strip.width
     weight, torques = 0.0, dict[str, float]()
     for stage in (*scene.stages, *after):
         if stage.gravity is not None:
             weight = -mass * stage.gravity[2]
         pulls |= {name: pull for name, pull in edge_pulls(stage) if name in pulls}
         torques |= {n: c.torque for n, c in stage.rollers.items() if c.torque is not None}
-        gains = {
-            r.name: (r.bearing - torques.get(r.name, 0.0)) / (r.radius * scene.strip.width)
-            for r in scene.rollers
-            if r.drive != "speed"
-        }
+        gains = {r.name: (r.bearing - torques.get(r.name, 0.0)) / (r.radius * width) for r in free}
         yield Loads(stiffness, weight, pulls["exit"] or 0.0, pulls["entry"], gains)
 
 
@@ -826,8 +812,7 @@ def pulls_of_runs(thread: Thread, loads: Loads) -> Array:
     level, known = loads.exit - loads.weight * ends[-1], list[float]()
     if loads.entry is not None:  # tensions less weight times height, up to the first drive
         first = gains.index(None) if None in gains else n
-        gained = np.cumsum([0.0, *gains[:first]])
-        known = list(loads.entry - loads.weight * starts[0] + gained)
+        known = list(loads.entry - loads.weight * starts[0] + np.cumsum([0.0, *gains[:first]]))
     levels = np.zeros(n + 1)
     for k in reversed(range(n + 1)):
         if k < n and (gain := gains[k]) is not None:
@@ -888,9 +873,7 @@ def lengths_of_runs(thread: Thread, own: NDArray[np.bool_] | None = None) -> Arr
     return np.diff([0.0, *middles, float(thread.middle.length[0])])
 
 
-def lines_of_nodes(
-    half: float, zones: list[tuple[float, float]], fine: float, coarse: float
-) -> Array:
+def lines_of_nodes(half: float, zones: list[Interval], fine: float, coarse: float) -> Array:
     """Coordinates from −half to half, at most fine apart in the zones and coarse elsewhere."""
     marks = sorted({-half, half, *(x for zone in zones for x in zone)})
     xs = [np.array([-half])]
@@ -903,10 +886,9 @@ def lines_of_nodes(
 
 def contact_stands(scene: SceneSpec) -> bool:
     """Whether the strip lifts on and off at the same labels throughout, as nothing moves."""
-    moves = [c.move for stage in scene.stages for c in stage.edges.values()]
-    if not follows_rollers(scene):
-        moves += [c.move for stage in scene.stages for c in stage.rollers.values()]
-    return labels_stay(scene) and not any(moves)
+    moved = any(edge.move for stage in scene.stages for edge in stage.edges.values())
+    moved |= not follows_rollers(scene) and any(stage.moves for stage in scene.stages)
+    return labels_stay(scene) and not moved
 
 
 def labels_stay(scene: SceneSpec) -> bool:

@@ -6,7 +6,7 @@ import importlib
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
 from inspect import signature
 from pathlib import Path
@@ -148,8 +148,7 @@ def size_of(assembly: Assembly, level: Kinematics) -> Size | None:
     touched *= 0 if assembly.scene.contact is None or not assembly.rollers else rubbed
     m, per_line = level.count, scalars / lines
     values = m * (level.directions * quadrature + touched)
-    band = int(m * (per_line + 8))
-    return Size(m * scalars, quadrature + touched, values, band)
+    return Size(m * scalars, quadrature + touched, values, int(m * (per_line + 8)))
 
 
 EffectMaker = Callable[[Strip], Effect]
@@ -194,7 +193,7 @@ BUILT_IN_EFFECTS = ("membrane", "bending", "plasticity", "contact", "friction", 
 """Effects that are asked for by their names when a state is read."""
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, repr=False)
 class Assembly:
     """A scene's strip and what can act on it.
 
@@ -205,9 +204,23 @@ class Assembly:
     imperfection : ndarray, shape (unknowns,), optional
         Displacement of the flat strip that makes no stress, see
         :mod:`anmstrip.simulation.march`.
-
     added : tuple of callables
         Effects of the user's own beside those of the scene, each made from the strip.
+
+    Attributes
+    ----------
+    material : Material
+        Of the strip.
+    kinematics : Kinematics
+        Level of kinematics: the displacements that are unknown.
+    specs : dict
+        Roller → its table in the scene.
+    turning : tuple of str
+        Rollers whose speed is unknown: those that a torque or the strip turns.
+    closed : bool
+        Whether the strip is endless.
+    conveyed : bool
+        Whether the strip has a speed of its own: it is fed, or there are steady stages.
 
     Raises
     ------
@@ -218,9 +231,18 @@ class Assembly:
     scene: SceneSpec
     imperfection: Array | None = None
     added: tuple[EffectMaker, ...] = ()
+    _plastic: dict[tuple[bool, float | None], Plasticity] = field(default_factory=dict, init=False)
+    """Plastic strains so far made, by whether they grow, and the strip's speed (m/s)."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "scene", with_defaults(self.scene))
+        self.scene = scene = with_defaults(self.scene)
+        m, course = scene.material, scene.threading
+        self.material = Material(m.young, m.poisson, m.density or 0.0, m.expansion or 0.0)
+        self.kinematics = KINEMATICS[scene.strip.kinematics]
+        self.specs = {spec.name: spec for spec in scene.rollers}
+        self.turning = tuple(spec.name for spec in scene.rollers if spec.drive != "speed")
+        self.closed = course is not None and course.closed
+        self.conveyed = bool(scene.strip.feed) or any(stage.steady for stage in scene.stages)
 
     @cached_property
     def origin(self) -> Array:
@@ -264,9 +286,9 @@ class Assembly:
         return tuple(replace(r, sense=carrying_sense(r, self.thread)) for r in rollers)
 
     @cached_property
-    def turning(self) -> tuple[str, ...]:
-        """Rollers whose speed is unknown: those that a torque or the strip turns."""
-        return tuple(spec.name for spec in self.scene.rollers if spec.drive != "speed")
+    def driven(self) -> tuple[Roller, ...]:
+        """Rollers whose speed is given: all that do not turn freely."""
+        return tuple(roller for roller in self.rollers if roller.name not in self.turning)
 
     @property
     def coupled(self) -> int:
@@ -278,27 +300,6 @@ class Assembly:
         """Number of all unknowns: these, and the plastic strains."""
         strains = self.plastic_strains(grow=False)
         return self.coupled + (0 if strains is None else len(strains.units))
-
-    @property
-    def closed(self) -> bool:
-        """Whether the strip is endless."""
-        return self.scene.threading is not None and self.scene.threading.closed
-
-    @property
-    def conveyed(self) -> bool:
-        """Whether the strip has a speed of its own: it is fed, or there are steady stages."""
-        return bool(self.scene.strip.feed) or any(stage.steady for stage in self.scene.stages)
-
-    @cached_property
-    def material(self) -> Material:
-        """Material of the strip."""
-        m = self.scene.material
-        return Material(m.young, m.poisson, m.density or 0.0, m.expansion or 0.0)
-
-    @property
-    def kinematics(self) -> Kinematics:
-        """Level of kinematics: the displacements that are unknown."""
-        return KINEMATICS[self.scene.strip.kinematics]
 
     @cached_property
     def order(self) -> int:
@@ -346,10 +347,8 @@ class Assembly:
 
         By rollers that move, those without a wrap too, or by weight, tension or heat.
         """
-        moves = (c.move for stage in self.scene.stages for c in stage.rollers.values())
-        return self.growth is not None or (
-            self.thread is not None and bool(self.scene.strip.feed) and any(moves)
-        )
+        fed = self.thread is not None and bool(self.scene.strip.feed)
+        return self.growth is not None or (fed and any(s.moves for s in self.scene.stages))
 
     @cached_property
     def loads(self) -> dict[str, Loads]:
@@ -485,11 +484,6 @@ class Assembly:
         if p.law is not None:
             return own_law(self.scene, "material.plasticity", p, FlowLaw, given)
         return FlowLaw(**given)
-
-    @cached_property
-    def _plastic(self) -> dict[tuple[bool, float | None], Plasticity]:
-        """Plastic strains so far made, by whether they grow, and the strip's speed (m/s)."""
-        return {}
 
     def plastic_strains(self, grow: bool, speed: float | None = None) -> Plasticity | None:
         """Return plastic strains that are frozen, or grow: in time, or at a speed along the strip.
@@ -983,10 +977,8 @@ def words_of(error: BaseException) -> str:
 def _rubs(law: Any, points: Array) -> tuple[tuple[int, ...] | None, bool]:
     """Return the shape of a law's friction if it is wrong, and whether its values are right."""
     slip, ones = law.speed * np.stack([points, 0.0 * points, points[::-1]]), np.ones(4)
-    found, twice = (
-        np.asarray(each(ones, slip), dtype=float)
-        for each in (law, replace(law, coefficient=2.0 * law.coefficient))
-    )
+    laws = law, replace(law, coefficient=2.0 * law.coefficient)
+    found, twice = (np.asarray(each(ones, slip), dtype=float) for each in laws)
     if found.shape != slip.shape:
         return found.shape, False
     record(law, ones, slip)

@@ -163,7 +163,7 @@ class Course:
             if after != before:
                 slope["strip.passing"] = np.array(after - before)
         strains = a.plasticity(stage)
-        units = None if strains is None else strains.units
+        units = np.zeros(0) if strains is None else strains.units
         given = a.scales_in(stage), a.turning, a.conveyed, pull, units
         return StageProblem(
             name=stage.name,
@@ -283,10 +283,9 @@ class Course:
         strip = self.assembly.strip
         if not self.assembly.closed:
             return None
-        entry, exit = (strip.unknowns_of(strip.edges[name].trace) for name in ("entry", "exit"))
-        slopes = (strip.dofs("u_x")[strip.edges[name].nodes] for name in ("entry", "exit"))
+        edges, slopes = (strip.edges[name] for name in ENDS), strip.dofs("u_x")
         entry, exit = (
-            np.append(a, strip.unknowns_of(b)) for a, b in zip((entry, exit), slopes, strict=True)
+            np.append(strip.unknowns_of(e.trace), strip.unknowns_of(slopes[e.nodes])) for e in edges
         )
         jump = np.zeros(len(entry))
         jump[: strip.count] = strip.kinematics.pick([-strip.length, 0.0, 0.0])
@@ -416,8 +415,8 @@ class Course:
             control, key = stage.rollers.get(roller.name), f"rollers.{roller.name}"
             plain[f"{key}.surface_speed"] = self._asked_speed(stage, roller)
             plain[f"{key}.torque"] = control and control.torque
-            if control is not None and control.move is not None:
-                end[f"{key}.centre"] = np.array(roller.centre) + np.array(control.move)
+            if roller.name in stage.moves:
+                end[f"{key}.centre"] = np.array(roller.centre) + stage.moves[roller.name]
         end |= {key: np.array(to, dtype=float) for key, to in plain.items() if to is not None}
         held = (self._holds_along(name, self._held().get(name, ())) for name in ENDS)
         if (growth := self.assembly.growth) is not None and not all(held):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -21,7 +21,7 @@ from anmstrip.fem.operators import Pattern
 from anmstrip.fem.sampling import l2_projection, quadrature_points
 from anmstrip.fem.strip import Scales, Strip, Supports
 from anmstrip.linalg.solvers import SparseSolver
-from anmstrip.mechanics.effects import Controls, Effect
+from anmstrip.mechanics.effects import Controls, Effect, Values
 from anmstrip.mechanics.loads import Guide, edge_force
 from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.shell import Membrane, green_strain, uniaxial_stretches
@@ -37,6 +37,9 @@ from anmstrip.mechanics.string_path import (
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS, I_UNIT, RollerSpec
 from anmstrip.simulation.defaults import bending_stiffness
+
+Interval = tuple[float, float]
+"""Labels (m) between which something is."""
 
 SENSES = {"over": 1.0, "left": 1.0, "under": -1.0, "right": -1.0}
 """Sides on which a strip passes: +1 on the left of its travel, with x to the right and z upwards,
@@ -166,7 +169,7 @@ class Thread:
         return float(self.stretches.label(self.middle.length[0]))
 
     @property
-    def arcs(self) -> dict[str, tuple[float, float]]:
+    def arcs(self) -> dict[str, Interval]:
         """Roller → reference x where contact begins and ends."""
         arcs = self.middle.arcs
         x = self.stretches.label(np.stack([arcs.start[:, 0], arcs.end[:, 0]], axis=1))
@@ -197,15 +200,10 @@ class Thread:
 
     def string_path(self, y: Array) -> StringPath:
         """Paths of the fibres at y, shape (fibres,)."""
-        centres, radii = [], []
-        for roller, depth in zip(self.rollers, self.depths, strict=True):
-            s = (y - roller.centre[1]) / roller.unit_axis[1]
-            point = np.asarray(roller.centre)[:, None] + roller.unit_axis[:, None] * s
-            centres.append(point[[0, 2]])
-            radii.append(roller.radius_at(s) + roller.half + depth)
-        c, r = np.reshape(centres, (-1, 2, len(y))), np.reshape(radii, (-1, len(y)))
-        entry, exit = self.ends
-        return string_path(c, r, self.senses, entry, exit, self.crossing)
+        sections, (entry, exit) = [roller.section(y) for roller in self.rollers], self.ends
+        centres = np.reshape([centre for centre, _ in sections], (-1, 2, len(y)))
+        radii = np.reshape([radius for _, radius in sections], (-1, len(y))) + self.depths[:, None]
+        return string_path(centres, radii, self.senses, entry, exit, self.crossing)
 
     def touching(self, y: Array, heights: Array) -> tuple[StringPath, Array]:
         """Paths of fibres at y around the rollers that they touch, larger by half of heights (m).
@@ -241,16 +239,13 @@ class Thread:
     def ends_in_space(self, strip: Strip) -> tuple[Array, Array, Array, Array]:
         """Displacements of entry and exit, and outward directions of the strip there, (3,) each."""
         reference = np.array(strip.span)
-        s = self.stretches.place(reference - reference[0])
-        position, direction = self.middle.at(s, 0)
+        position, direction = self.middle.at(self.stretches.place(reference - reference[0]), 0)
         in_space = np.stack([position[0], np.zeros(2), position[1]])
         moved = in_space - np.stack([reference, np.zeros(2), np.zeros(2)])
         outward = np.stack([direction[0], np.zeros(2), direction[1]]) * [-1.0, 1.0]
         return moved[:, 0], moved[:, 1], outward[:, 0], outward[:, 1]
 
-    def guess(
-        self, strip: Strip, pattern: Pattern, natural: Mapping[str, Array] | None = None
-    ) -> Array:
+    def guess(self, strip: Strip, pattern: Pattern, natural: Values | None = None) -> Array:
         """Displacements of the threaded strip before equilibrium, shape (unknowns,).
 
         `natural` are the controls of its heat, flatness and camber.
@@ -278,9 +273,7 @@ class Thread:
         places = np.stack([position[0], reference[1] * across, position[1]])
         return l2_projection(strip, pattern, places - reference)
 
-    def _relaxed(
-        self, strip: Strip, pattern: Pattern, full: Array, natural: Mapping[str, Array]
-    ) -> Array:
+    def _relaxed(self, strip: Strip, pattern: Pattern, full: Array, natural: Values) -> Array:
         """Let a shell slide along its own surface, between entry and exit, to equilibrium."""
         entry, (*_, leaving) = strip.edges["entry"], self.ends_in_space(strip)
         one = entry.values[[len(entry.values) // 2]]

@@ -198,38 +198,34 @@ class _Isolation:
         Signs just after the begin and just before the end, 0 for a function that is zero.
     """
 
-    def __init__(self, bernstein: Array, noise: Array) -> None:
+    def __init__(self, b: Array, noise: Array) -> None:
         self.found: list[tuple[Index, Array, Array, Array]] = []
-        low, high = np.zeros(bernstein.shape[1]), np.ones(bernstein.shape[1])
-        vague = np.flatnonzero(np.abs(bernstein[0]) <= noise)
+        low, high = np.zeros(b.shape[1]), np.ones(b.shape[1])
+        vague = np.flatnonzero(np.abs(b[0]) <= noise)
         if len(vague):
-            _, bernstein[:, vague], low[vague] = _divided(
-                bernstein[:, vague], noise[vague], NEAR_SHARES
-            )
-        vague = np.flatnonzero(np.abs(bernstein[-1]) <= noise)
+            _, b[:, vague], low[vague] = _divided(b[:, vague], noise[vague], NEAR_SHARES)
+        vague = np.flatnonzero(np.abs(b[-1]) <= noise)
         if len(vague):
-            kept, _, t = _divided(bernstein[:, vague], noise[vague], 1.0 - NEAR_SHARES)
-            bernstein[:, vague], high[vague] = kept, low[vague] + t * (1.0 - low[vague])
-        ends = np.where(np.abs(bernstein) > noise, np.sign(bernstein), 0.0)[[0, -1]]
+            kept, _, t = _divided(b[:, vague], noise[vague], 1.0 - NEAR_SHARES)
+            b[:, vague], high[vague] = kept, low[vague] + t * (1.0 - low[vague])
+        ends = np.where(np.abs(b) > noise, np.sign(b), 0.0)[[0, -1]]
         self.first, self.last = np.where((ends == 0.0).any(axis=0), 0.0, ends)
         which = np.flatnonzero(self.first != 0.0)
-        self._isolate(bernstein[:, which], noise, which, low[which], high[which])
+        self._isolate(b[:, which], noise, which, low[which], high[which])
 
-    def _isolate(
-        self, bernstein: Array, noise: Array, which: Index, low: Array, high: Array
-    ) -> None:
+    def _isolate(self, b: Array, noise: Array, which: Index, low: Array, high: Array) -> None:
         for _ in range(MAX_DIVISIONS):
             if not len(which):
                 return
-            changes = _changes(bernstein, noise[which])
-            self._keep(changes == 1, bernstein, which, low, high)
+            changes = _changes(b, noise[which])
+            self._keep(changes == 1, b, which, low, high)
             more = changes > 1
-            bernstein, which, low, high = bernstein[:, more], which[more], low[more], high[more]
-            left, right, t = _divided(bernstein, noise[which], DIVISION_SHARES)
+            b, which, low, high = b[:, more], which[more], low[more], high[more]
+            left, right, t = _divided(b, noise[which], DIVISION_SHARES)
             vague = np.abs(left[-1]) <= noise[which]
-            self._keep(vague, bernstein, which, low, high)
+            self._keep(vague, b, which, low, high)
             middle, clear = low + t * (high - low), ~vague
-            bernstein = np.hstack([left[:, clear], right[:, clear]])
+            b = np.hstack([left[:, clear], right[:, clear]])
             which = np.tile(which[clear], 2)
             low = np.concatenate([low[clear], middle[clear]])
             high = np.concatenate([middle[clear], high[clear]])

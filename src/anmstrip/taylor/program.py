@@ -88,19 +88,13 @@ class Program:
             kind = CompiledExecutor
         else:
             kind = NumpyExecutor
-        block = kind.block
-        self.blocks = max(-(-self.points // block), 1)
+        self.blocks = max(-(-self.points // kind.block), 1)
         self.lanes = -(-self.points // self.blocks)
         code = np.array(tape.code, dtype=np.int64).reshape(-1, 5)
         constants = np.stack(tape.constants or [np.zeros(self.points)])
-        self.tables = Tables(
-            code,
-            np.array(tape.parameters),
-            self._in_blocks(constants),
-            tape.kept(code),
-            np.concatenate([x.rows.ravel() for x in self.inputs]),
-            output.rows.ravel(),
-        )
+        given = code, np.array(tape.parameters), self._in_blocks(constants), tape.kept(code)
+        inputs = np.concatenate([x.rows.ravel() for x in self.inputs])
+        self.tables = Tables(*given, inputs, output.rows.ravel())
         self.kept = int(self.tables.kept.max(initial=-1)) + 1
         self.executor: Executor = kind(self.tables)
 

@@ -119,8 +119,7 @@ def record(
                 output = _each(tape, tape.constant, output)
         except MixedPointsError:
             continue
-        variable = Variable(output.rows, output.shape, output.laned)
-        return Program(tape, variable, compiled=compiled)
+        return Program(tape, Variable(output.rows, output.shape, output.laned), compiled=compiled)
     raise AssertionError("the last recording mixes no points")
 
 
@@ -144,11 +143,7 @@ class RecordedFunction:
         """Orders about a state; recorded anew for other shapes, or where values decide."""
         program = self.program
         shapes = [np.shape(x) for x in values]
-        if (
-            program is None
-            or not program.reusable
-            or shapes != [variable.shape for variable in program.inputs]
-        ):
+        if program is None or not program.reusable or shapes != [x.shape for x in program.inputs]:
             lengths = {shape[-1] for shape in shapes if shape}
             alike = len(lengths) == 1 and min(lengths) >= FEW_POINTS
             points = lengths.pop() if alike else 1
@@ -370,8 +365,7 @@ def _stack(tape: Tape, arrays: Sequence[Any], axis: int = 0) -> Series:
     rows = tape.rows_shape(shape, laned)
     tables = [_table(tape, _wrapped(tape, x), laned) for x in arrays]
     found = np.stack([np.broadcast_to(x, rows) for x in tables], axis=axis)
-    whole = (*shape[:axis], len(arrays), *shape[axis:])
-    return Series(tape, Variable(found, whole, laned))
+    return Series(tape, Variable(found, (*shape[:axis], len(arrays), *shape[axis:]), laned))
 
 
 def _einsum(tape: Tape, subscripts: str, a: Any, b: Any) -> Series:

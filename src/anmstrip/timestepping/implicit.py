@@ -126,20 +126,12 @@ def integrate(
     raise PathStopped(Outcome.TOO_MANY_STEPS, begin)
 
 
-def settle(
-    equations: RateEquations,
-    memory: Memory,
-    *,
-    solver: LinearSolver,
-    settings: Settings,
-    stepping: Stepping,
-    cost: Cost,
-) -> Memory:
+def settle(equations: RateEquations, memory: Memory, *, solver: LinearSolver, **how: Any) -> Memory:
     """Return the memory after the first instant, in equilibrium and with the velocity there.
 
     Parameters are those of :func:`integrate`; where no such state is found, the memory is as given.
     """
-    integrator = _Integrator(equations, Remembering(solver), settings, stepping, cost)
+    integrator = _Integrator(equations, Remembering(solver), **how)
     return replace(integrator.settled(memory), settled=True)
 
 
@@ -256,17 +248,13 @@ class _Integrator:
                         raise
                 else:
                     return self.tried(begin, end, shortest)
-            h, shorter, since = (
-                shorter or max(1.0 / MAX_RETRY_RATIO, min(ratio, 0.9)) * (new - t),
-                0.0,
-                memory,
-            )
+            h = shorter or max(1.0 / MAX_RETRY_RATIO, min(ratio, 0.9)) * (new - t)
+            shorter, since = 0.0, memory
             if turns and not barred and new < end:
                 h, shorter = min(MAX_RETRY_RATIO * (new - t), end - t), h
                 since = replace(memory, v=trial.v)
-            barred = True
             detail = f"the error in time is {error:.2g} times what is allowed"
-            failed = PathStopped(Outcome.STALLED, t, detail, Evidence(motion=local))
+            barred, failed = True, PathStopped(Outcome.STALLED, t, detail, Evidence(motion=local))
         if failed.outcome is Outcome.TOO_MANY_STEPS:
             detail = "even the shortest step in time needs too many tangents"
             raise PathStopped(Outcome.STALLED, t, detail, failed.evidence)
@@ -426,8 +414,7 @@ class _Integrator:
         point = trial.path.recurrence(trial.increment, 1.0, 1)
         with self.cost.timed("error in time"):
             factors = self.solver.factorise(point.tangent())
-            right = trial.resistance(trial.v - memory.v) - point.control_derivative()
-            way = factors.solve(right)
+            way = factors.solve(trial.resistance(trial.v - memory.v) - point.control_derivative())
         self.cost.expansions += 1
         self.cost.factorisations += 1
         self.cost.solves += 1
@@ -455,11 +442,9 @@ class _Integrator:
         if memory.available == 1 or trial.turned <= tolerance:
             answer = self.answer(trial.resistance(trial.rate * local))
         spreading = self.answer(trial.resistance_in_tangent(trial.rate * local))
-        fading = max(
-            self.equations.error(trial.u, local),
-            *(self.equations.fading_error(trial.u, each) for each in (answer, spreading)),
-        )
-        found = max(self.equations.error(trial.u, answer) / share, fading) / tolerance
+        fading = [self.equations.fading_error(trial.u, each) for each in (answer, spreading)]
+        fading.append(self.equations.error(trial.u, local))
+        found = max(self.equations.error(trial.u, answer) / share, *fading) / tolerance
         if memory.available > 1 or self.stepping.fixed is not None or found > 1.0:
             return found
         if self.equations.fading_error(trial.u, local) > tolerance:  # else no answer is larger

@@ -334,8 +334,7 @@ class TracedRecurrence:
 
     def tangent(self) -> Array:
         """∂R/∂u, shape (n, n)."""
-        unit = np.eye(self.size)
-        found = self.orders.derivative(*self.inputs.changes(unit, 0.0))
+        found = self.orders.derivative(*self.inputs.changes(np.eye(self.size), 0.0))
         return found.reshape(self.size, self.size).T
 
     def control_derivative(self) -> Array:
@@ -370,9 +369,7 @@ class FunctionRateEquations(RateEquations):
         V, from which on motion counts as fast; infinite for errors at equal times.
     """
 
-    def __init__(
-        self, function: Callable[[Any, Any, Any], Any], whole: float, speed: float = np.inf
-    ) -> None:
+    def __init__(self, function: Residual, whole: float, speed: float = np.inf) -> None:
         self.function = recorded(function)
         self.whole, self.speed = whole, speed
         self.latest: tuple[Array, AffineVelocity] | None = None
@@ -399,8 +396,7 @@ class FunctionRateEquations(RateEquations):
         """Largest change of the state, as a distance of curves."""
         assert self.latest is not None
         about, velocity = self.latest
-        v = velocity(u - about, 1.0)
-        return float(np.abs(change).max()) / time_stretch(v, self.speed)
+        return float(np.abs(change).max()) / time_stretch(velocity(u - about, 1.0), self.speed)
 
 
 @dataclass
@@ -436,8 +432,7 @@ class FunctionStepEquations(StepEquations):
         tangent = recurrence.tangent()
         if np.isfinite(tangent).all():  # the linear solver tells of one that is not
             self.softness = np.abs(np.linalg.pinv(tangent))
-        v = self.velocity(u, control)
-        self.unit = self.share * time_stretch(v, self.problem.speed)
+        self.unit = self.share * time_stretch(self.velocity(u, control), self.problem.speed)
         return recurrence
 
     def resistance(self, u: Array, control: float) -> Callable[[Array], Array]:
@@ -606,8 +601,7 @@ class _Stepper:
         """The longest series from t on that keeps the tolerance."""
         u, v = find_consistent_state(self.residual, u, v, t, self.tolerance, self.allowed(v))
         with self.cost.timed("series"):
-            point = Point.at(self.residual, u, v, t, self.order)
-            u_orders, v_last = _orders(point, self.order)
+            u_orders, v_last = _orders(Point.at(self.residual, u, v, t, self.order), self.order)
         self.cost.expansions += 1
         self.cost.factorisations += 1
         series, N = TimeSeries(u_orders, t, end), self.order
@@ -623,8 +617,7 @@ class _Stepper:
                 break
             length = (piece.end - t) * min(max(self.longer(excess), 0.2), 0.95)
         if excess < LENGTHENING_SHARE and piece.end < end:
-            further = (piece.end - t) * min(self.longer(excess), 2.0)
-            longer, excess = self.tried(series, further)
+            longer, excess = self.tried(series, (piece.end - t) * min(self.longer(excess), 2.0))
             return longer if excess <= 1.0 else piece
         return piece
 
