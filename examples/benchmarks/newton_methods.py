@@ -304,7 +304,7 @@ class LinearFriction(Friction):
 
 def linear_in_gaps(effect: Contact | Friction) -> LinearContact | LinearFriction:
     """Return an effect of a roller on points near to it with pressures linear in their gaps."""
-    given = {each.name: getattr(effect, each.name) for each in fields(effect)}
+    given = {each.name: getattr(effect, each.name) for each in fields(effect) if each.init}
     if isinstance(effect, Contact):
         return LinearContact(**given)
     return LinearFriction(**{**given, "contact": linear_in_gaps(effect.contact)})

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -85,8 +85,22 @@ class PathStep:
     tangent: float = 0.0  # place on the branch to which the last factors belong
 
 
-PathSolver = Callable[..., Iterator[PathStep]]
-"""Anything that follows a path as :func:`follow` does."""
+class PathSolver(Protocol):
+    """Anything that follows a path as :func:`follow` does."""
+
+    def __call__(
+        self,
+        equations: Equations,
+        u: Array,
+        *,
+        solver: LinearSolver,
+        settings: Settings,
+        start: float = 0.0,
+        target: float = 1.0,
+        pace: Pace | None = None,
+        cost: Cost | None = None,
+    ) -> Iterator[PathStep]:
+        """Accepted steps of the path from (u, start) to the control ``target``."""
 
 
 def follow(

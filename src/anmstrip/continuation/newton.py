@@ -10,7 +10,15 @@ import numpy as np
 
 from anmstrip.arrays import Array
 from anmstrip.continuation.follow import Pace, PathStep, Settings
-from anmstrip.continuation.path import Branch, Cost, Equations, Outcome, PathStopped, extrapolate
+from anmstrip.continuation.path import (
+    Branch,
+    Cost,
+    Equations,
+    Outcome,
+    PathStopped,
+    Recurrence,
+    extrapolate,
+)
 from anmstrip.linalg.direct import Factors, SingularTangentError
 from anmstrip.linalg.solvers import LinearSolver
 
@@ -117,12 +125,15 @@ class Newton:
             residual = self.equations.residual(u, control)
             return residual, self.equations.imbalance(residual)
 
+    def _recurrence(self, u: Array, control: float) -> Recurrence:
+        return self.equations.recurrence(u, control, 1)
+
     def _factors(self, u: Array, control: float) -> Factors | None:
         """Factors of the tangent, or None if it is singular or no more are allowed."""
         if self.cost.expansions >= self.cost.most:
             return None
         with self.cost.timed("tangent"):
-            matrix = self.equations.recurrence(u, control, 1).tangent()
+            matrix = self._recurrence(u, control).tangent()
         self.cost.expansions += 1
         self.cost.factorisations += 1
         try:

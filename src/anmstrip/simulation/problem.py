@@ -661,8 +661,8 @@ class Assembly:
         """The scene's contact law.
 
         Left open, it is graded: p₀ is the pressure of the taut strip on its rollers, or its
-        weight or the pressure on it if that is more.  Flat strip that nothing pulls bears it, and
-        rollers that bend it, on lines, where it would sink by several onsets else.  The onset is
+        weight or the pressure on it if that is more.  Flat strip bears it, and rollers
+        that bend it, on lines, where it would sink by several onsets else.  The onset is
         the gap that a straight strip has half a spacing of contact points beyond where it lifts
         off.  It is that at a whole spacing where elements have several parts: the load of a roller
         then does not change by 17 %, but by 1e-4, as points pass it, and a plate takes half as many
@@ -688,8 +688,7 @@ class Assembly:
         logarithms = np.log([roller.radius for roller in self.rollers])
         radius = float(np.exp(np.average(logarithms, weights=turns)))
         load = distributed_load(self.scene)
-        pulled = tension > 0.0
-        if not pulled and load == 0.0:
+        if tension == load == 0.0:
             tension = self.scales.tension
         pressure = c.pressure or max(tension / radius, load)
         element, nips = float(self.strip.cell_sizes[0].min()), False
@@ -701,7 +700,7 @@ class Assembly:
         parts = 1 if nips else self.strip.contact_parts
         apart = 0.5 * element / parts  # two points to a part
         onset = (apart if parts > 1 else 0.5 * apart) ** 2 / (2.0 * radius)
-        if not pulled and self.thread is None and c.pressure is None:
+        if self.thread is None and c.pressure is None:
             below = sum(roller.centre[2] < 0.0 for roller in self.rollers)
             line = load * self.strip.length / max(below, len(self.rollers) - below)
             line = max(line, load_of_moves(self.scene))
