@@ -600,7 +600,7 @@ def better_value(kind: str, value: Any, place: Place, data: Mapping[str, Any]) -
     """
     if place.field is None or (place.item and kind != "missing"):
         return None
-    if place.name == "name" and kind.startswith("string_") and hints.name_like(value):
+    if place.name == "name" and isinstance(value, str) and hints.name_like(value):
         return f'"{hints.name_like(value)}"'
     better = hints.likely_value(kind, value, place.meaning, place.field)
     if place.name == "drive" and better is None:

@@ -700,11 +700,9 @@ class Assembly:
         parts = 1 if nips else self.strip.contact_parts
         apart = 0.5 * element / parts  # two points to a part
         onset = (apart if parts > 1 else 0.5 * apart) ** 2 / (2.0 * radius)
-        if self.thread is None and c.pressure is None:
-            below = sum(roller.centre[2] < 0.0 for roller in self.rollers)
-            line = load * self.strip.length / max(below, len(self.rollers) - below)
-            line = max(line, load_of_moves(self.scene))
-            pressure = max(pressure, line / float(np.sqrt(2.0 * np.pi * radius * onset)))
+        if c.pressure is None and not nips:
+            line = self._line_load(load) / float(np.sqrt(2.0 * np.pi * radius * onset))
+            pressure = max(pressure, line)
         if load:
             onsets = max(1.0, float(np.log(pressure / load)))
             onset = min(onset, FLOATING_SHARE * thickness / onsets)
@@ -714,6 +712,26 @@ class Assembly:
             stretch = tension / (self.material.young * thickness)
             onset = min(onset, ONSET_STRETCH * stretch * radius * self._spread())
         return GradedSignorini(pressure, c.onset or onset)
+
+    def _line_load(self, load: float) -> float:
+        """Return the largest load (N/m) that strip bears on lines along rollers, 0 if it wraps one.
+
+        Of the load (Pa) on flat strip, and of what bends it; of threaded strip that turns by θ
+        between runs a and b (T + 3 D/ab) θ.  It wraps a roller where θ is more than 2/r of √(D/T)
+        and of (a + b)/6, the lengths over which tension and neighbours bend it.
+        """
+        if self.thread is None:
+            below = sum(roller.centre[2] < 0.0 for roller in self.rollers)
+            line = load * self.strip.length / max(below, len(self.rollers) - below)
+            return max(line, load_of_moves(self.scene))
+        path, rollers = self.thread.middle, self.thread.rollers
+        turns, runs = path.arcs.turn[:, 0], np.diff(path.starts[:, 0])[::2]
+        before, after, radii = runs[:-1], runs[1:], np.array([roller.radius for roller in rollers])
+        reach = np.minimum(self.thread.layer, (before + after) / 6.0)
+        if self.closed or np.any(radii * turns > 2.0 * reach):
+            return 0.0
+        stiffened = self.thread.tension + 3.0 * self.strip.bending_stiffness / (before * after)
+        return float((stiffened * turns).max(initial=0.0))
 
     def _spread(self) -> float:
         """Width over the longest arc of uneven strip on cylinders, at least 1.
