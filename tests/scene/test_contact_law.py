@@ -40,12 +40,15 @@ def test_what_is_given_is_taken() -> None:
     assert built({"onset": 1e-5, "pressure": 3e4})[0] == GradedSignorini(3e4, 1e-5)
 
 
-def test_weight_counts_where_it_is_more_than_tension() -> None:
+def test_weight_counts_on_a_line_where_it_is_more_than_tension() -> None:
+    """Of the width √(2π r w), over which the pressure falls from its middle by e^(−x²/2rw)."""
     heavy = {"gravity": [0.0, 0.0, -9.81e4], "duration": 1.0}
     material = {"young": 2e11, "poisson": 0.3, "density": 7850.0}
-    stages = [*pressed("section", 2, 0.1, 1e-4).to_dict()["stages"], heavy]
-    law, _ = built({}, stages=stages, material=material)
-    assert law.pressure == pytest.approx(7850.0 * 1e-3 * 9.81e4, rel=1e-12)
+    scene = pressed("section", 2, 0.1, 1e-4).to_dict()
+    stages = [*scene["stages"], heavy]
+    law, h = built({}, stages=stages, material=material)
+    line = 7850.0 * 1e-3 * 9.81e4 * scene["strip"]["length"]
+    assert law.pressure == pytest.approx(line / (math.sqrt(math.pi) * h / 4.0), rel=1e-12)
 
 
 def test_several_rollers_share_a_law_for_their_mean_radius() -> None:
