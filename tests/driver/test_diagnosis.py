@@ -432,11 +432,14 @@ def test_a_tangent_that_does_not_fit_into_memory(
 
 
 def test_what_was_told_of_the_stage_that_stops_comes_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    sentences = ["it slides in stage wrap", "stages.turn.exit.tension = 1 is in N/m", "it turns"]
-    monkeypatch.setattr("anmstrip.advice.diagnosis.serious", lambda _: sentences)
-    assert "stages.turn.exit" in told(wrapped(), stalled())
+    sentences = ["it slides in stage wrap", "it stands in stage turn", "it turns"]
+    monkeypatch.setattr("anmstrip.advice.diagnosis.serious_as_meant", lambda _: sentences)
+    assert "It stands" in told(wrapped(), stalled())
     sentences.pop(1)
     assert "It slides" in told(wrapped(), stalled())
+    doubted = ["stages.turn.exit.tension = 1 is in N/m", "threading.tension = 1 is in N/m"]
+    monkeypatch.setattr("anmstrip.advice.diagnosis.other_units", lambda _: doubted)
+    assert " and ".join(doubted) in told(wrapped(), stalled())
 
 
 def test_a_run_stops_where_strip_is_stretched_to_twice_its_length() -> None:

@@ -6,7 +6,7 @@ Every cause is a function that looks at a :class:`Failure` and returns a sentenc
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -15,13 +15,13 @@ import numpy as np
 
 from anmstrip.advice import physics
 from anmstrip.advice.preview import Preview, as_sentence, motions_at, unheld_words
-from anmstrip.advice.units import typed_vector
+from anmstrip.advice.units import other_units, typed_vector
 from anmstrip.advice.warnings import (
     against_section,
     below_round_off,
     carries_itself,
     finer_mesh,
-    serious,
+    serious_as_meant,
     slides,
     spinning_rollers,
     usual_onset,
@@ -300,8 +300,13 @@ def forewarned(failure: Failure) -> str | None:
     def is_of(told: str, stages: Sequence[str]) -> bool:
         return any(re.search(rf"\bstages?[ .]{re.escape(name)}\b", told) for name in stages)
 
-    found = serious(seen_before(failure))
-    found = [told for told in found if is_of(told, [here]) or not is_of(told, later)]
+    def so_far(told: Iterable[str]) -> list[str]:
+        return [each for each in told if is_of(each, [here]) or not is_of(each, later)]
+
+    preview = seen_before(failure)
+    if doubted := so_far(other_units(preview)):
+        return as_sentence(" and ".join(doubted))
+    found = so_far(serious_as_meant(preview))
     return as_sentence(min(found, key=lambda told: not is_of(told, [here]))) if found else None
 
 

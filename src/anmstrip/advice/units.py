@@ -324,14 +324,16 @@ def doubtful_tensions(scene: SceneSpec) -> Iterator[Doubt]:
     """Yield tensions below those of strip that hangs in a loop by its own weight."""
     t, m = scene.strip.thickness, scene.material
     least = EARTH_GRAVITY * LOOP_HEIGHT * t * (m.density or m.young / SPECIFIC_STIFFNESS)
+    bound = min(least, MAX_LINE_STRESS)
     pulls = {} if scene.threading is None else {"threading.tension": scene.threading.tension}
+    slack = 0.0 if any(pull < bound for pull in pulls.values()) else 1.0  # no megapascals
     for stage in scene.stages:
         for end, control in stage.edges.items():
-            if (pull := control.tension or 0.0) >= 1.0:  # less is slack strip, no megapascals
+            if 0.0 < (pull := control.tension or 0.0) >= slack:
                 pulls[f"stages.{stage.name}.{end}.tension"] = pull
     why = f"in N/m, and {LOOP_HEIGHT:g} m of the strip weigh {least:.3g} N/m"
     for key, tension in pulls.items():
-        if tension < min(least, MAX_LINE_STRESS):
+        if tension < bound:
             yield Doubt(key, tension, why, "MPa", f"{key}={1e6 * t * tension:.3g}")
 
 
