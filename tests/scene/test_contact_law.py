@@ -51,6 +51,27 @@ def test_weight_counts_on_a_line_where_it_is_more_than_tension() -> None:
     assert law.pressure == pytest.approx(line / (math.sqrt(math.pi) * h / 4.0), rel=1e-12)
 
 
+def test_a_roller_that_is_pressed_into_a_foundation_counts_on_a_line() -> None:
+    """Of Hetényi's √8 (D k³)^(1/4) δ; T/r of nothing else let it sink by a third of δ."""
+    r, depth, k = 0.1, 1e-4, 1e8
+    tables = {
+        "strip": {"kinematics": "section", "length": 1.0, "width": 1.0, "thickness": 2e-3,
+                  "foundation": k, "finer": 4.0},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "contact": {},
+        "edges": {"entry": {"fixed": ["x"]}},
+        "rollers": [{"name": "r1", "radius": r, "centre": [0.0, 0.0, r + depth]}],
+        "stages": [{"name": "press", "rollers": {"r1": {"move": [0.0, 0.0, -2.0 * depth]}}}],
+    }  # fmt: skip
+    scene = Scene.from_tables(tables, "felt.toml")
+    law, D = Assembly(scene).signorini, 2e11 * 8e-9 / 12.0 / (1.0 - 0.3**2)
+    assert isinstance(law, GradedSignorini)
+    load = math.sqrt(8.0) * (D * k**3) ** 0.25 * depth
+    assert law.pressure == pytest.approx(load / math.sqrt(2.0 * math.pi * r * law.width), rel=1e-9)
+    *_, last = scene.run()
+    assert last.state.rollers["r1"].normal_force == pytest.approx(load, rel=0.01)
+
+
 def test_several_rollers_share_a_law_for_their_mean_radius() -> None:
     rollers = [
         {"name": name, "radius": r, "centre": [x, 0.0, -r - 1e-3]}

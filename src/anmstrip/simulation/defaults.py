@@ -373,9 +373,11 @@ def load_of_moves(scene: SceneSpec) -> float:
     """Return the largest load (N/m) of a roller that bends flat strip between two others.
 
     As of a beam on two supports, 3 D δ (a + b)/a²b², for a roller that comes by δ beyond the line
-    between the nearest ones on the other side of the strip, at the distances a and b from it.
+    between the nearest ones on the other side of the strip, at the distances a and b from it.  On a
+    foundation k a roller by δ beyond the flat strip bears √8 (D k³)^(1/4) δ (Hetényi 1946).
     """
     rollers, moves, largest = scene.rollers, dict[int, Array](), 0.0
+    D, k3 = bending_stiffness(scene), (scene.strip.foundation or 0.0) ** 3
     sides = np.array([np.copysign(1.0, -roller.centre[2]) for roller in rollers])  # 1: below
     radii = np.array([roller.radius for roller in rollers])
     for stage in scene.stages:
@@ -385,14 +387,15 @@ def load_of_moves(scene: SceneSpec) -> float:
         edges = z + sides * radii
         for k, side in enumerate(sides):
             before, after = ((sides == -side) & way for way in (x < x[k], x > x[k]))
+            largest = max(largest, np.sqrt(8.0) * (D * k3) ** 0.25 * side * edges[k])
             if not (before.any() and after.any()):
                 continue
             i, j = x[before].argmax(), x[after].argmin()
             a, b = x[k] - x[before][i], x[after][j] - x[k]
             line = (b * edges[before][i] + a * edges[after][j]) / (a + b)
             beyond = side * (edges[k] - line)
-            largest = max(largest, 3.0 * beyond * (a + b) / (a * b) ** 2)
-    return bending_stiffness(scene) * float(largest)
+            largest = max(largest, 3.0 * D * beyond * (a + b) / (a * b) ** 2)
+    return float(largest)
 
 
 def carried(stage: StageSpec, name: str, place: Array, velocity: Array) -> tuple[Array, Array]:
