@@ -370,7 +370,7 @@ def tension_of_moves(scene: SceneSpec) -> float:
 
 
 def load_of_moves(scene: SceneSpec) -> float:
-    """Return the largest load (N/m) of a roller that bends flat strip between two others.
+    """Return the largest load (N/m) of a roller that moves into flat strip and bends it.
 
     As of a beam on two supports, 3 D δ (a + b)/a²b², for a roller that comes by δ beyond the line
     between the nearest ones on the other side of the strip, at the distances a and b from it.  On a
