@@ -171,8 +171,6 @@ class March:
         Unstressed length (m) of the strip that has been fed in, in time.
     follow : callable
         Follows paths, by series or by Newton's method (``solver.method``).
-    ways : dict
-        The solver and the counters, which all that solves is given.
     """
 
     def __init__(self, assembly: Assembly) -> None:
@@ -182,7 +180,6 @@ class March:
         self.tolerances = Tolerances(assembly.scene.solver.tolerance)
         self.course, self.solver = Course(assembly), SparseSolver()
         self.cost = Cost(most=assembly.scene.solver.max_tangents)
-        self.ways: dict[str, Any] = {"solver": self.solver, "cost": self.cost}
         self.full = np.zeros(assembly.unknowns)
         self.velocity = np.zeros_like(self.full)
         self.reached: float | None = None
@@ -276,6 +273,11 @@ class March:
         self.full, self.velocity = plan.supports.full(found, 0.0), np.zeros_like(self.velocity)
         self.course.stand_still()
         return True
+
+    @property
+    def ways(self) -> dict[str, Any]:
+        """The solver and the counters, which all that solves is given."""
+        return {"solver": self.solver, "cost": self.cost}
 
     def here(self, plan: StageProblem) -> State:
         """Return the present state, as one of a stage."""
