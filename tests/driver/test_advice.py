@@ -140,7 +140,7 @@ PLATE = {  # which nothing holds but the rollers that carry it on
     ],
 }  # fmt: skip
 LIFTED = merged(PLATE, rollers=[{"radius": 0.15, "centre": [x, 0.0, -0.155]} for x in PLACES])
-ABOVE = merged(PLATE, rollers=[{"radius": 0.15, "centre": [x, 0.0, -0.1505]} for x in PLACES])
+ABOVE = merged(PLATE, rollers=[{"radius": 0.15, "centre": [x, 0.0, -0.1507]} for x in PLACES])
 TIPPING = merged(  # drawn as if the plate began at x = 0
     PLATE,
     rollers=[{"radius": 0.15, "centre": [x, 0.0, -0.15]} for x in (0.4, 1.2, 2.0, 2.8, 3.6)],
