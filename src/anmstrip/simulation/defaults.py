@@ -391,7 +391,7 @@ def load_of_moves(scene: SceneSpec) -> float:
             if not (before.any() and after.any()):
                 continue
             i, j = x[before].argmax(), x[after].argmin()
-            a, b = x[k] - x[before][i], x[after][j] - x[k]
+            a, b = np.maximum([x[k] - x[before][i], x[after][j] - x[k]], radii[k])  # no nip
             line = (b * edges[before][i] + a * edges[after][j]) / (a + b)
             beyond = side * (edges[k] - line)
             largest = max(largest, 3.0 * D * beyond * (a + b) / (a * b) ** 2)
