@@ -80,6 +80,10 @@ MISTYPED: list[tuple[list[str], list[str]]] = [
          "stages.run.entry.tension = 5 is"],
     ),
     (
+        ["threading.tension=0.5", "stages.run.entry.tension=0.5"],  # alone it would be slack strip
+        ["threading.tension = 0.5 is in N/m", "stages.run.entry.tension = 0.5 is in N/m"],
+    ),
+    (
         ["stages.run.exit.tension=90.0", "stages.run.entry.tension=90.0"],
         ["stages.run.entry.tension = 90 is in N/m, and 2 m of the strip weigh 127 N/m; was it "
          "meant in MPa?", "stages.run.exit.tension = 90"],

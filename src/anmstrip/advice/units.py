@@ -326,7 +326,8 @@ def doubtful_tensions(scene: SceneSpec) -> Iterator[Doubt]:
     least = EARTH_GRAVITY * LOOP_HEIGHT * t * (m.density or m.young / SPECIFIC_STIFFNESS)
     bound = min(least, MAX_LINE_STRESS)
     pulls = {} if scene.threading is None else {"threading.tension": scene.threading.tension}
-    slack = 0.0 if any(pull < bound for pull in pulls.values()) else 1.0  # no megapascals
+    # A stage that pulls by less than 1 leaves strip slack, unless threading is in doubt too.
+    slack = 0.0 if any(pull < bound for pull in pulls.values()) else 1.0
     for stage in scene.stages:
         for end, control in stage.edges.items():
             if 0.0 < (pull := control.tension or 0.0) >= slack:

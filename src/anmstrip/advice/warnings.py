@@ -98,7 +98,8 @@ SMALL_STRETCH = 0.02
 """Share of what carries a plate by which its sag may stretch it between held ends, unseen."""
 
 MANY_LANDINGS = 150.0
-"""Elements that come to lie on rollers in a stage, from which on their number is told."""
+"""Elements that come to lie on rollers in a stage, from which on their number is told: 29 of an
+accumulator take 39 tangents, 238 and 391 of a dancer 460 and 2271."""
 
 SOFTER = 10.0
 """Ratio of the softer laws that are proposed then: a dancer of 0.1 m that moves by 0.6 m takes 647
@@ -834,7 +835,7 @@ LARGE_SHELL = 5000
 
 
 def growing_wraps(preview: Preview) -> Iterator[str]:
-    """Yield the stages in which rollers move so that many elements come to lie on them."""
+    """Yield the first stage in which rollers move so that many elements come to lie on them."""
     assembly, strings, contact = preview.assembly, preview.strings, preview.assembly.scene.contact
     if contact is None or contact.onset is not None or contact.constants or contact.law:
         return

@@ -19,9 +19,10 @@ if TYPE_CHECKING:
 TOUCHING_SHARE = 0.1
 """Share of the mean pressure around it above which a point counts as in contact."""
 
-DRAWN_SHARE = 0.05
+DRAWN_SHARE = 0.02
 """Share of the force on a roller that tension presses, beside a nip, from which on strip is drawn
-round it."""
+round it: 0.01 at most in 31 nips of straight strip, 0.43 at least on 55 rollers that are wrapped,
+and 0.04 on a drum on which a roller presses with 33 kN beside 1.5 kN of the wrap."""
 
 MEAN_RANGE = 0.5
 """Distance from a point, in radii, up to which pressures count in this mean.  Friction lets the

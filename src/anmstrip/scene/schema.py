@@ -48,8 +48,8 @@ from anmstrip.scene.tables import (
     Table,
     ThreadingSpec,
     example_of,
+    has_velocity,
     meanings,
-    moves,
 )
 
 
@@ -431,7 +431,7 @@ def with_implied_tables(scene: Mapping[str, Any]) -> dict[str, Any]:
     material, stages = scene.get("material"), named.get("stages")
     in_time = "friction" in scene or (isinstance(material, Mapping) and "plasticity" in material)
     for table in stages if isinstance(stages, list) and not in_time else ():
-        if isinstance(table, dict) and not any(map(moves, table.values())):
+        if isinstance(table, dict) and not any(map(has_velocity, table.values())):
             table.setdefault("duration", 1.0)
     return named
 

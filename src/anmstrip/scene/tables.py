@@ -640,7 +640,7 @@ class StripControl(NaturalShape):
     """speed in a steady stage, of unstressed strip, from entry to exit, a number (m/s)"""
 
 
-def moves(controls: Any) -> bool:
+def has_velocity(controls: Any) -> bool:
     """Return whether the table of an edge in a stage says how fast it moves."""
     return isinstance(controls, Mapping) and bool({"velocity", "speed"} & controls.keys())
 
@@ -684,7 +684,7 @@ class StageSpec(Table):
             return given
         own = {key: value for key, value in given.items() if key in cls.model_fields}
         others = {key: value for key, value in given.items() if key not in own}
-        moved = any(map(moves, others.values()))
+        moved = any(map(has_velocity, others.values()))
         steady = own.get("steady", False) is not False  # of another type it is told itself
         if steady or (own.get("friction") is False and not moved):
             own.setdefault("duration", 1.0)

@@ -376,14 +376,13 @@ def load_of_moves(scene: SceneSpec) -> float:
     between the nearest ones on the other side of the strip, at the distances a and b from it.  On a
     foundation k a roller by δ beyond the flat strip bears √8 (D k³)^(1/4) δ (Hetényi 1946).
     """
-    rollers, moves, largest = scene.rollers, dict[int, Array](), 0.0
+    rollers, moves, largest = scene.rollers, dict[str, tuple[float, ...]](), 0.0
     D, k3 = bending_stiffness(scene), (scene.strip.foundation or 0.0) ** 3
     sides = np.array([np.copysign(1.0, -roller.centre[2]) for roller in rollers])  # 1: below
     radii = np.array([roller.radius for roller in rollers])
     for stage in scene.stages:
-        given = {k: stage.rollers.get(roller.name) for k, roller in enumerate(rollers)}
-        moves |= {k: np.array(c.move) for k, c in given.items() if c and c.move is not None}
-        x, _, z = np.array([r.centre + moves.get(k, np.zeros(3)) for k, r in enumerate(rollers)]).T
+        moves |= stage.moves
+        x, _, z = np.array([np.add(r.centre, moves.get(str(r.name), 0.0)) for r in rollers]).T
         edges = z + sides * radii
         for k, side in enumerate(sides):
             before, after = ((sides == -side) & way for way in (x < x[k], x > x[k]))

@@ -716,9 +716,10 @@ class Assembly:
     def _line_load(self, load: float) -> float:
         """Return the largest load (N/m) that strip bears on lines along rollers, 0 if it wraps one.
 
-        Of the load (Pa) on flat strip, and of what bends it; of threaded strip that turns by θ
-        between runs a and b (T + 3 D/ab) θ.  It wraps a roller where θ is more than 2/r of √(D/T)
-        and of (a + b)/6, the lengths over which tension and neighbours bend it.
+        On flat strip that is the share of one roller in the load (Pa), or what bends the strip.
+        Threaded strip that turns by θ between runs a and b bears (T + 3 D/ab) θ, and wraps the
+        roller where r θ is above twice √(D/T) or (a + b)/6, over which tension and neighbours bend
+        it.
         """
         if self.thread is None:
             below = sum(roller.centre[2] < 0.0 for roller in self.rollers)
