@@ -257,8 +257,13 @@ class Surface:
         return np.einsum("aj,bi,nji...->nab...", m, m, values)
 
     def known_at_contact(self, name: str) -> np.ndarray:
-        """Undo the linear interpolation from the contact points to the thirds of a patch."""
-        undo = np.array([[1.0, 0.0, 0.0, 0.0], [-0.5, 1.5, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+        """Undo what leads from the contact points to the thirds of a patch.
+
+        Linear interpolation; of forces per area the thirds have what the middle has.
+        """
+        force = name in ("normal_pressure", "friction_traction")
+        middle = [0.0, 0.5, 0.5, 0.0] if force else [-0.5, 1.5, 0.0, 0.0]
+        undo = np.array([[1.0, 0.0, 0.0, 0.0], middle, [0.0, 0.0, 0.0, 1.0]])
         return np.einsum("aj,bi,nji...->nab...", undo, undo, self.patch(name))
 
     @cached_property

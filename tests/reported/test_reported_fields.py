@@ -7,6 +7,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+import pyvista
 import reported_scenes as scenes
 from reported_files import Results, Surface, ran
 from reported_rollers import Look
@@ -301,14 +302,23 @@ def test_contact_fields_are_those_of_the_positions(
         np.testing.assert_allclose(found, traction, atol=1e-6 * max(pressure.max(), 1.0))
 
 
-def test_between_contact_points_fields_are_linear(turning: Results) -> None:
+def test_between_contact_points_gaps_are_linear(turning: Results) -> None:
     """A third of the way from a corner: two thirds of the way to the middle."""
-    for name in ("gap", "normal_pressure"):
-        values, at = turning.last.patch(name), turning.last.known_at_contact(name)
-        near_first = at[:, 0, 0] / 3.0 + 2.0 * at[:, 0, 1] / 3.0
-        near_last = at[:, 0, 2] / 3.0 + 2.0 * at[:, 0, 1] / 3.0
-        close(values[:, 0, 1], near_first, 1e-12)
-        close(values[:, 0, 2], near_last, 1e-12)
+    values, at = turning.last.patch("gap"), turning.last.known_at_contact("gap")
+    near_first = at[:, 0, 0] / 3.0 + 2.0 * at[:, 0, 1] / 3.0
+    near_last = at[:, 0, 2] / 3.0 + 2.0 * at[:, 0, 1] / 3.0
+    close(values[:, 0, 1], near_first, 1e-12)
+    close(values[:, 0, 2], near_last, 1e-12)
+
+
+@pytest.mark.parametrize("name", ["turning", "shell", "plate", "lifted"])
+def test_pressures_of_a_file_add_up_to_the_force(name: str, request: pytest.FixtureRequest) -> None:
+    """As ParaView integrates them, over the deformed strip, also on elements longer than contact."""
+    results: Results = request.getfixturevalue(name)
+    whole = pyvista.read(results.states[-1][1]).integrate_data()
+    force = sum(roller["normal_force"] for roller in results.summary["rollers"].values())
+    assert force > 0.1
+    assert float(whole["normal_pressure"][0]) == pytest.approx(force, rel=1e-3)
 
 
 def test_a_plate_has_the_tension_of_its_load(plate: Results) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import pyvista
 from numpy.typing import NDArray
 from skfem import FacetBasis, MeshTri
 
@@ -20,7 +21,9 @@ from anmstrip.fem.operators import CellOperator, Pattern
 from anmstrip.fem.sampling import ContactOperator
 from anmstrip.fem.strip import Material, Strip
 from anmstrip.mechanics.shell import Membrane, isometric_bending
+from anmstrip.results.fields import FieldSampler
 from anmstrip.results.state import State
+from anmstrip.results.vtk import write_surface
 from claims import Claim
 from strips import CONTACT, MATERIAL, RADIUS, TENSION, capstan
 
@@ -218,13 +221,18 @@ def test_forces_balance_over_a_roller(coarse: Path) -> None:
     force = [TENSION, 0.0, -1e3]
     press = {"name": "press", "duration": 1.0, "entry": down, "exit": {"force": force}}
     tables = {"contact": CONTACT, "rollers": [ROLLER], "solver": {"tolerance": 1e-6}}
-    _, state = ended(scene_of(coarse, [PULL, press], **tables))
+    run, state = ended(scene_of(coarse, [PULL, press], **tables))
     entry, end = state.edge_force("entry"), state.edge_force("exit")
     balance = entry + end + state.rollers["r1"].resultant
     assert np.abs(balance).max() < 1e-6 * TENSION
     np.testing.assert_allclose(end, 0.5 * np.array(force), atol=1e-6 * TENSION)
     assert np.linalg.norm(entry) == pytest.approx(np.linalg.norm(end), rel=1e-3)
     assert state.rollers["r1"].normal_force > 500.0
+    sampler, path = FieldSampler(run.assembly.strip), coarse.parent / "pressed.vtu"
+    write_surface(path, sampler.reference.T, sampler.cells, sampler.sample(state))
+    whole = pyvista.read(path).integrate_data()
+    found = float(whole["normal_pressure"][0])  # of a line of single points in contact
+    assert found == pytest.approx(state.rollers["r1"].normal_force, rel=0.2)
 
 
 def test_stress_at_a_hole(claim: Claim) -> None:

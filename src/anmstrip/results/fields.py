@@ -112,23 +112,24 @@ class FieldSampler:
         return np.moveaxis(found.reshape(*table.shape[:-1], -1), (-1, 0), (0, -2))
 
     @cached_property
-    def from_contact(self) -> Array:
-        """Linear interpolation from the contact points of an element to its points of output.
+    def from_contact(self) -> tuple[Array, Array]:
+        """Matrices from the contact points of an element to its points of output.
 
-        Shape (points of output, contact points).
+        Linear interpolation, and means around the points of output, by which what acts on the
+        strip per area keeps its integral; shapes (points of output, contact points).
         """
+        own = contact_points(self.strip)
+        around = self._hats(self.local, own).T * contact_shares(self.strip)
+        return self._hats(own, self.local), around / around.sum(axis=1)[:, None]
+
+    def _hats(self, nodes: Array, points: Array) -> Array:
+        """Functions linear between the nodes of an element, at points, (points, nodes)."""
         if self.kind == "triangle":
             from scipy.interpolate import LinearNDInterpolator
 
-            points = contact_points(self.strip).T
-            return np.asarray(LinearNDInterpolator(points, np.eye(len(points)))(self.local.T))
-        places, parts = np.unique(self.local[0]), self.strip.contact_parts
-        own = np.linspace(0.0, 1.0, 1 + 2 * parts)
-        if parts > 1:  # points closer than those of output: means around these
-            hats = [np.interp(own, places, row) for row in np.eye(len(places))]
-            weighted = np.array(hats) * contact_shares(self.strip)
-            return weighted / weighted.sum(axis=1)[:, None]
-        along = np.transpose([np.interp(places, own, row) for row in np.eye(3)])
+            return np.asarray(LinearNDInterpolator(nodes.T, np.eye(nodes.shape[1]))(points.T))
+        known, at = np.unique(nodes[0]), np.unique(points[0])
+        along = np.transpose([np.interp(at, known, row) for row in np.eye(len(known))])
         return along if self.kind == "line" else np.kron(along, along)
 
     def contact_fields(self, state: StripState) -> dict[str, Array]:
@@ -150,10 +151,17 @@ class FieldSampler:
             found_status[chosen] = np.maximum(found_status[chosen], f.status)
             nearest = f.gap <= gap[chosen]
             slip[:, chosen[nearest]] = f.slip[:, nearest]
-        values = {"normal_pressure": pressure, "friction_traction": traction}
-        values |= {"slip_velocity": slip, "gap": gap}
         cells, status = operator.cells, np.zeros(self.mean.shape[0])
-        fields = {n: self._average(v[..., cells] @ self.from_contact.T) for n, v in values.items()}
+        between, around = self.from_contact
+        fields = {
+            name: self._average(values[..., cells] @ matrix.T)
+            for name, values, matrix in (
+                ("normal_pressure", pressure, around),
+                ("friction_traction", traction, around),
+                ("slip_velocity", slip, between),
+                ("gap", gap, between),
+            )
+        }
         np.maximum.at(status, self.own, found_status[cells[:, self.nearest]])
         return {**fields, "contact_status": np.repeat(status, self.lines)}
 
