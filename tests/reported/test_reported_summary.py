@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import time
 import tomllib
@@ -154,6 +155,28 @@ def test_the_input_is_the_scene_with_its_settings(tmp_path: Path) -> None:
     assert found["rollers"][0]["centre"] == given["rollers"][0]["centre"]
     for name in ("numpy", "scipy", "meshio"):
         assert results.summary["versions"][name] == version(name)
+
+
+def test_the_input_has_what_the_scene_leaves_open(tmp_path: Path) -> None:
+    """So that it leads to the same run where another version, or a finer mesh, would choose anew."""
+    head, tail = scenes.PLATE.split("[contact]")
+    text = head.replace("plate", "section") + tail[tail.index("[[rollers]]") :]
+    text = text.replace("young =", "yield_stress = 5.0e8\nyoung =").replace('["z"]', '["x", "z"]', 1)
+    text += "\n[material.plasticity]\n"
+    before = ran(text, tmp_path, options=("--quiet",)).summary
+    used = before["input"]
+    assembly = Scene.model_validate(tomllib.loads(text)).run().assembly
+    law = assembly.signorini
+    assert used["contact"]["onset"] == law.width
+    assert law(np.float64(0.0)) == pytest.approx(used["contact"]["pressure"], rel=1e-12)
+    assert used["solver"]["order"] == assembly.order
+    assert used["material"]["plasticity"]["reference_rate"] == assembly.usual_rate
+    again = Scene.model_validate(used).run(tmp_path / "again")
+    assert list(again)
+    assert before["status"] == "done"
+    after = json.loads((tmp_path / "again" / "summary.json").read_text())
+    for key in ("input", "steps", "tangents", "rollers"):
+        assert after[key] == before[key]
 
 
 def test_progress_tells_how_far_a_run_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

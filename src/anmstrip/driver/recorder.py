@@ -224,7 +224,7 @@ class Recorder:
                     files.write_table(path, plastic.LAYER_COLUMNS, layers.rows())
                 for name, bend in layers.rollers().items():
                     rollers[name]["bend"] = asdict(bend)
-        written = {"rollers": rollers, "edges": edges, "input": self.assembly.scene.to_dict()}
+        written = {"rollers": rollers, "edges": edges, "input": self.assembly.input()}
         if state is not None and state.strip_speed is not None:
             facts = {**facts, "strip_speed": state.strip_speed}
         summary = {**facts, **written, "versions": versions()}

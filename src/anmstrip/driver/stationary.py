@@ -492,7 +492,7 @@ class OperatingMap:
         save_figure(map_figure(self.rows, keys, names, self.events), directory / "map.png")
         facts = self.run.facts() | {"status": "done" if self.done else "stopped"}
         summary = {**facts, "message": self.message, "along": [a.text for a in self.along]}
-        summary |= {"events": self.events, "input": self.run.scene.to_dict()}
+        summary |= {"events": self.events, "input": self.run.assembly.input()}
         write_summary(directory / "map.json", summary)
 
 

@@ -310,6 +310,18 @@ class Assembly:
         assert size is not None
         return cheapest_order(size, self.scene.solver.tolerance)
 
+    def input(self) -> dict[str, Any]:
+        """Return the scene as it is run, with what the mesh and the machine decide; JSON-ready."""
+        from anmstrip.mechanics.laws import GradedSignorini
+
+        found = self.scene.to_dict()
+        found["solver"]["order"] = self.order
+        if self.scene.rollers and isinstance(law := self.signorini, GradedSignorini):
+            found["contact"] |= {"pressure": law.pressure, "onset": law.width}
+        if (p := self.scene.material.plasticity) is not None and p.reference_rate is None:
+            found["material"]["plasticity"]["reference_rate"] = self.usual_rate
+        return found
+
     @cached_property
     def thread(self) -> Thread | None:
         """Path of a threaded strip around its rollers."""
