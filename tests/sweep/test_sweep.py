@@ -166,6 +166,13 @@ def test_all_mistakes_at_once_and_nothing_is_written(tmp_path: Path) -> None:
     assert not out.exists()
 
 
+def test_a_key_that_is_unknown_is_told_once(tmp_path: Path) -> None:
+    ended = typed(CAPSTAN, "-o", tmp_path / "out", "--vary", "strip.thicknes=1e-3,2e-3,3e-3")
+    assert ended.exit_code == 2
+    assert ended.stderr.count("thickness (the nearest known one)") == 1
+    assert "--vary strip.thicknes=0.001: strip.thicknes\n" in ended.stderr
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

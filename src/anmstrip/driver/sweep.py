@@ -140,7 +140,7 @@ def variants(
     given = list(settings)
     refuse_both(varied, given)
     found: list[Variant] = []
-    mistakes: dict[str, Mistake] = {}
+    mistakes: dict[Mistake, Mistake] = {}  # one of those that differ by the varied value alone
     for values in product(*varied.values()):
         chosen = dict(zip(varied, values, strict=True))
         texts = [f"{key}={json.dumps(value)}" for key, value in chosen.items()]
@@ -151,7 +151,8 @@ def variants(
             for mistake in error.mistakes:
                 text = mistake.file.removeprefix("--set ")
                 told = replace(mistake, file=f"--vary {text}") if text in texts else mistake
-                mistakes[str(told)] = told
+                alike = replace(told, file=told.file.partition("=")[0], value=None)
+                mistakes.setdefault(alike, told)
         else:
             found.append(Variant(chosen, scene, directory / folder_name(chosen)))
     if mistakes:
