@@ -313,7 +313,7 @@ def test_between_contact_points_gaps_are_linear(turning: Results) -> None:
 
 @pytest.mark.parametrize("name", ["turning", "shell", "plate", "lifted"])
 def test_pressures_of_a_file_add_up_to_the_force(name: str, request: pytest.FixtureRequest) -> None:
-    """As ParaView integrates them, over the deformed strip, also on elements longer than contact."""
+    """As ParaView integrates them over the deformed strip; also where contact is short."""
     results: Results = request.getfixturevalue(name)
     whole = pyvista.read(results.states[-1][1]).integrate_data()
     force = sum(roller["normal_force"] for roller in results.summary["rollers"].values())

@@ -158,11 +158,11 @@ def test_the_input_is_the_scene_with_its_settings(tmp_path: Path) -> None:
 
 
 def test_the_input_has_what_the_scene_leaves_open(tmp_path: Path) -> None:
-    """So that it leads to the same run where another version, or a finer mesh, would choose anew."""
+    """So that it leads to the same run where another version, or another mesh, would choose."""
     head, tail = scenes.PLATE.split("[contact]")
     text = head.replace("plate", "section") + tail[tail.index("[[rollers]]") :]
-    text = text.replace("young =", "yield_stress = 5.0e8\nyoung =").replace('["z"]', '["x", "z"]', 1)
-    text += "\n[material.plasticity]\n"
+    text = text.replace("young =", "yield_stress = 5.0e8\nyoung =") + "\n[material.plasticity]\n"
+    text = text.replace('["z"]', '["x", "z"]', 1)
     before = ran(text, tmp_path, options=("--quiet",)).summary
     used = before["input"]
     assembly = Scene.model_validate(tomllib.loads(text)).run().assembly

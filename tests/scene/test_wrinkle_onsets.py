@@ -18,9 +18,10 @@ from threaded import ended
 
 from anmstrip.continuation.bifurcations import Kind, watch_singular_points
 from anmstrip.continuation.follow import Settings, follow
+from anmstrip.driver import budget
 from anmstrip.driver.run import Run, onset_words
 from anmstrip.driver.scene import Scene
-from anmstrip.equilibrium import Equilibrium
+from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.linalg.solvers import Bordered, Remembering, SparseSolver
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import ONSET_FACTOR, ONSET_TOLERANCE, Wrinkling, buckling
@@ -279,9 +280,25 @@ def long_edges(directory: Path | None, finer: float = 1.0, tension: float = 1.6e
 
 
 @pytest.mark.slow
-def test_onset_on_elements_of_half_the_length_is_told(tmp_path: Path) -> None:
-    """As a run finds it there; and its being missed on twice the length, with what to type."""
-    given, finer = long_edges(tmp_path / "given"), long_edges(None, 2.0)
+def test_onset_on_elements_of_half_the_length_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a run finds it there; and its being missed on twice the length, with what to type.
+
+    The strip is balanced there once for both kinds of onset, and at the end of the two stages.
+    """
+    balanced, balance = list[float](), budget.balance_state
+
+    def counted(plan: StageProblem, state: State, *more: Any, **given: Any) -> State | None:
+        if plan.model.strip is not state.plan.model.strip:
+            balanced.append(state.time)
+        return balance(plan, state, *more, **given)
+
+    monkeypatch.setattr(budget, "balance_state", counted)
+    given = long_edges(tmp_path / "given")
+    first = given.wrinkles[0]["time"]
+    assert [time for time in balanced if time not in (1.0, 2.0)] == [pytest.approx(first)]
+    finer = long_edges(None, 2.0)
     for kind in ("wrinkles", "bifurcation"):
         here, there = (
             next(told for told in run.wrinkles if told["kind"] == kind) for run in (given, finer)

@@ -548,6 +548,11 @@ class Onset:
     number: int = 0
     beside: tuple[State, float] | None = None
 
+    @property
+    def level(self) -> float:
+        """Factor of the mode in this state."""
+        return next(level for level, kind in DATED_FACTORS.items() if kind == self.kind)
+
     def loads_by(self, factor: float) -> dict[str, float]:
         """Return at which loads it is if the factor of its mode, in this state, is another.
 
@@ -555,9 +560,8 @@ class Onset:
         """
         assert self.beside is not None
         state, beside = self.beside
-        level = next(level for level, kind in DATED_FACTORS.items() if kind == self.kind)
         here, there = loads(self.state), loads(state)
-        share = (1.0 - level / factor) / (level / beside - 1.0)
+        share = (1.0 - self.level / factor) / (self.level / beside - 1.0)
         return {key: float(here[key] + share * (there[key] - here[key])) for key in here}
 
     @property
