@@ -248,6 +248,21 @@ def held_components(edges: Edges, stages: Stages) -> Mistakes:
             yield Mistake("", f"{place}.tension", control.tension, expected, release)
 
 
+def clamped_edges(strip: StripSpec, threading: Threading, edges: Edges, stages: Stages) -> Mistakes:
+    """Yield clamps on what is not flat or does not bend, and moments on clamped edges."""
+    for name, edge in edges.items():
+        if edge.clamped and (threading or not strip.bending):
+            expected = "no clamp: a strip without bending has no slope to hold"
+            if threading:
+                expected = "no clamp, which is for flat strip: threaded strip turns at its ends"
+            yield Mistake("", f"edges.{name}.clamped", True, expected, "clamped = false")
+    for place, name, control in edge_controls(stages):
+        if control.moment and name in edges and edges[name].clamped and not control.release:
+            expected = "nothing: this edge is clamped; the moment follows (N)"
+            hint = f"[edges.{name}]\nclamped = false"
+            yield Mistake("", f"{place}.moment", control.moment, expected, hint)
+
+
 def released_for_good(edges: Edges, stages: Stages) -> Mistakes:
     """Yield edges let go that nothing held, and those to be held again once they were let go."""
     by = dict[str, str]()
@@ -255,7 +270,7 @@ def released_for_good(edges: Edges, stages: Stages) -> Mistakes:
         for name, control in stage.edges.items():
             if control.release:
                 by.setdefault(name, stage.name)
-                if name not in edges or not edges[name].fixed:
+                if name not in edges or not (edges[name].fixed or edges[name].clamped):
                     expected = "no release: this edge is not held, so there is nothing to let go"
                     hint = f'[edges.{name}]\nfixed = ["x", "z"]'
                     yield Mistake("", f"stages.{stage.name}.{name}.release", True, expected, hint)
@@ -730,8 +745,8 @@ def times_of_the_run(threading: Threading, stages: Stages, output: OutputSpec) -
 RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
     lambda rollers: duplicates("rollers", rollers), lambda stages: duplicates("stages", stages),
     known_edges, known_rollers, controls_of_drives, flat_plates, rollers_of_a_section,
-    known_directions, tensions_and_moments, held_components, speeds_at_ends, released_for_good,
-    pulled_once, tables_of_temperature, natural_shapes, ends_of_a_fed_strip,
+    known_directions, tensions_and_moments, held_components, speeds_at_ends, clamped_edges,
+    released_for_good, pulled_once, tables_of_temperature, natural_shapes, ends_of_a_fed_strip,
     gravity_has_density, known_laws_are_sharpened, refined_mesh_is_estimated,
     rollers_have_friction, stages_have_friction, closed_strip, steady_stages, yielding_strip,
     threading_partners, one_length, held_entry, own_name, threading_ends, borne_tension,

@@ -577,6 +577,8 @@ class EdgeSpec(Table):
     """components held, each of "x", "y", "z" at most once (list of text)"""
     centred: StrictBool | None = Field(None, examples=["true"])
     """whether its middle keeps its y, true or false; left out: a loose threaded entry (1)"""
+    clamped: StrictBool = Field(False, examples=["true"])
+    """whether it keeps its slope out of the plane of flat strip, true or false (1)"""
 
     def find_mistakes(self) -> Iterator[Mistake]:
         """Yield a component that is held twice."""

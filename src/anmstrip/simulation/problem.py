@@ -1094,7 +1094,7 @@ def check_geometry(scene: SceneSpec, strip: Strip, rollers: Sequence[Roller]) ->
     ------
     InputError
         A roller without a radius somewhere across the strip, or inside the flat strip; an edge to
-        be centred without a node in its middle.
+        be centred without a node in its middle, or to be clamped that is neither along x nor y.
     """
     mistakes = []
     across = np.linspace(-0.5, 0.5, 33) * (scene.strip.width or 0.0)
@@ -1119,6 +1119,11 @@ def check_geometry(scene: SceneSpec, strip: Strip, rollers: Sequence[Roller]) ->
                 expected = f"an even number across: the middle of the {name} keeps its y ({key})"
                 key, value, hint = "strip.cells", cells, f"cells = [{cells[0]}, {cells[1] + 1}]"
             mistakes.append(scene.mistake(key, value, expected, hint))
+        if edge.clamped and name in strip.edges:
+            extent = np.ptp(strip.nodes[:2, strip.edges[name].nodes], axis=1)
+            if extent.min() > 1e-9 * extent.max():
+                key, expected = f"edges.{name}.clamped", "an edge along x or y, whose slope is one"
+                mistakes.append(scene.mistake(key, True, expected, "clamped = false"))
     if mistakes:
         raise InputError(mistakes)
 

@@ -502,6 +502,8 @@ class Course:
             middle = middle_node(strip, name) if spec.centred else None
             if middle is not None and across is not None:  # it keeps its y
                 held[strip.count * strip.node_values[middle] + across] = True
+            if spec.clamped and name not in self.released:
+                held[strip.edge_unknowns(name, (), [2], ())] = True
         if full is not None:
             resting = np.flatnonzero(held)
             start[resting] = end[resting] = full[resting]

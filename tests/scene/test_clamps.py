@@ -1,0 +1,129 @@
+"""Edges of flat strip that keep their slope, against beams and plates."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_bvp
+
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.errors import InputError
+from anmstrip.results.state import State
+
+MESHES = Path(__file__).parents[2] / "meshes"
+YOUNG, THICKNESS = 2.0e11, 1.0e-3
+STIFFNESS = YOUNG * THICKNESS**3 / 12.0
+"""D of a strip that contracts freely (N m)."""
+
+JAWS = {"fixed": ["x", "y", "z"], "clamped": True}
+
+
+def solved(stages: list[dict[str, Any]], edges: dict[str, Any], **tables: Any) -> State:
+    """Last state of a run."""
+    strip = {"thickness": THICKNESS, **tables.pop("strip")}
+    material = {"young": YOUNG, "poisson": tables.pop("poisson", 0.0)}
+    given = {"strip": strip, "material": material, "edges": edges, "stages": stages, **tables}
+    run = Run(Scene.model_validate(given))
+    *_, last = run
+    assert run.outcome.done
+    return last.state
+
+
+def lowest(state: State) -> np.ndarray:
+    """Displacement (m) of the node that has moved farthest down, (components,)."""
+    strip = state.plan.model.strip
+    values = strip.nodal(state.full)[strip.node_values]
+    return np.asarray(values[values[:, -1].argmin()])
+
+
+def elastica(force: float) -> tuple[float, float]:
+    """Motion of the tip of 1 m, along and with the force (over D/L²): θ'' = −F cos θ."""
+    places = np.linspace(0.0, 1.0, 101)
+    found = solve_bvp(
+        lambda s, y: np.array([y[1], -force * np.cos(y[0]), np.cos(y[0]) - 1.0, np.sin(y[0])]),
+        lambda a, b: np.array([a[0], b[1], a[2], a[3]]),
+        places, np.zeros((4, len(places))), tol=1e-8,
+    )  # fmt: skip
+    assert found.success
+    return float(found.y[2, -1]), float(found.y[3, -1])
+
+
+def test_cantilever_is_the_elastica() -> None:
+    load = {"name": "load", "exit": {"force": [0.0, 0.0, -4.0 * STIFFNESS]}}
+    strip = {"kinematics": "section", "length": 1.0, "width": 0.1}
+    state = solved([load], {"entry": {"fixed": ["x", "z"], "clamped": True}}, strip=strip)
+    along, down = elastica(4.0)
+    assert lowest(state) == pytest.approx([along, -down], rel=5e-4)
+
+
+def test_half_of_a_beam_ends_in_its_plane_of_symmetry() -> None:
+    """P L³/192 D of a whole beam between jaws; half of it, half of the force."""
+    edges = {"entry": JAWS | {"fixed": ["x", "z"]}, "exit": {"fixed": ["x"], "clamped": True}}
+    load = {"name": "load", "exit": {"force": [0.0, 0.0, -0.01]}}
+    strip = {"kinematics": "section", "length": 0.5, "width": 0.1}
+    state = solved([load], edges, strip=strip, solver={"tolerance": 1e-8})
+    assert lowest(state)[1] == pytest.approx(-0.02 / (192.0 * STIFFNESS), rel=1e-3)
+
+
+@pytest.mark.parametrize("kinematics", ["plate", "shell"])
+def test_square_plate_between_jaws_all_round(kinematics: str) -> None:
+    """0.001265 q a⁴/D in the middle (Timoshenko & Woinowsky-Krieger, table 35)."""
+    fixed = ["z"] if kinematics == "plate" else ["x", "y", "z"]
+    edges = {name: JAWS | {"fixed": fixed} for name in ("entry", "exit", "left", "right")}
+    strip = {"kinematics": kinematics, "length": 1.0, "width": 1.0, "cells": [8, 8]}
+    press = {"name": "press", "pressure": -0.01}
+    state = solved([press], edges, strip=strip, poisson=0.3, solver={"tolerance": 1e-6})
+    plate = STIFFNESS / (1.0 - 0.3**2)
+    assert lowest(state)[-1] == pytest.approx(-1.265e-3 * 0.01 / plate, rel=2e-3)
+
+
+def test_clamped_triangles() -> None:
+    """A cantilever of 4 m, as narrow rectangles have it: F L³/3 D."""
+    load = {"name": "load", "exit": {"force": [0.0, 0.0, -1e-3]}}
+    strip = {"kinematics": "plate", "mesh": str(MESHES / "strip_triangles.msh")}
+    state = solved([load], {"entry": {"fixed": ["z"], "clamped": True}}, strip=strip)
+    nodes = state.plan.model.strip.nodes[0]
+    expected = -1e-3 * np.ptp(nodes) ** 3 / (3.0 * STIFFNESS)
+    assert lowest(state)[-1] == pytest.approx(expected, rel=1e-6)
+
+
+def test_slope_stays_where_the_jaws_are_moved_until_they_let_go() -> None:
+    """Raised with its jaws the strip stays straight; let go it hangs from its other end."""
+    edges = {"entry": JAWS, "exit": {"fixed": ["z"], "clamped": True}}
+    up = {"move": [0.0, 0.0, 0.1]}
+    moved = {"name": "raise", "entry": up, "exit": up}
+    hangs = {"name": "let_go", "exit": {"release": True, "force": [0.0, 0.0, -1e-3]}}
+    strip = {"length": 1.0, "width": 0.2, "cells": [8, 2]}
+    state = solved([moved, hangs], edges, strip=strip, solver={"tolerance": 1e-6})
+    sunk = 1e-3 / (3.0 * STIFFNESS)
+    assert lowest(state)[2] == pytest.approx(0.1 - sunk, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("tables", "key"),
+    [
+        ({"stages": [{"name": "bend", "exit": {"moment": 1.0}}]}, "stages.bend.exit.moment"),
+        ({"strip": {"bending": False}}, "edges.exit.clamped"),
+        ({"threading": {"tension": 1e3}}, "edges.exit.clamped"),
+        ({"strip": {"mesh": str(MESHES / "strip_hole.msh")}}, "edges.hole.clamped"),
+    ],
+)
+def test_clamps_that_cannot_be(tables: dict[str, Any], key: str) -> None:
+    strip = {"thickness": THICKNESS, **tables.get("strip", {})}
+    if "mesh" not in strip:
+        strip |= {"length": 1.0, "width": 0.2}
+    edges = {"hole" if "mesh" in strip else "exit": {"clamped": True}}
+    rollers = [{"name": "r", "radius": 0.1, "centre": [0.0, 0.0, -0.1], "wrap": "over"}]
+    pulled = {"name": "pull", "exit": {"force": [1e3, 0.0, 0.0]}}
+    given = {
+        "material": {"young": YOUNG, "poisson": 0.3}, "stages": [pulled],
+        **({"rollers": rollers} if "threading" in tables else {}), **tables,
+        "strip": strip, "edges": edges | {"entry": {"fixed": ["x", "z"]}},
+    }  # fmt: skip
+    with pytest.raises(InputError) as refused:
+        Run(Scene.from_tables(given, "scene.toml"))
+    assert [mistake.key for mistake in refused.value.mistakes] == [key]
