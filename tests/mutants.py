@@ -364,11 +364,12 @@ FIELDS = (
         "fields",
     ),
     Mutant(
-        "contact points not in the middle",
-        "np.interp(places, own, row) for row in np.eye(3)",
-        "np.interp(places, [0.0, 0.4, 1.0], row) for row in np.eye(3)",
+        "pressure between contact points, not around points of output",
+        '("normal_pressure", pressure, around)',
+        '("normal_pressure", pressure, between)',
         "fields",
     ),
+    Mutant("gaps around points", '("gap", gap, between)', '("gap", gap, around)', "fields"),
     Mutant(
         "velocity is the displacement",
         "self.interpolate(state.material_velocity)",
@@ -803,8 +804,8 @@ WRINKLES = (
     Mutant("half of what a span bears", "float(2.0 * q", "float(1.0 * q", "summary"),
     Mutant(
         "onsets on half the length move the other way",
-        "share = (1.0 - level / factor)",
-        "share = (level / factor - 1.0)",
+        "share = (1.0 - self.level / factor)",
+        "share = (self.level / factor - 1.0)",
         "summary",
         "test_wrinkle_onsets.py",
     ),
