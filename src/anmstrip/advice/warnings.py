@@ -230,7 +230,7 @@ def unheld_strip(preview: Preview) -> Iterator[str]:
     """
     scene, first = preview.assembly.scene, preview.plans[0]
     along = 0 in preview.assembly.kinematics.components
-    held = preview.assembly.thread is not None or any("x" in e.fixed for e in scene.edges.values())
+    held = preview.assembly.thread is not None or scene.held_in("x")
     if first.in_time and along and not held and not rubs_at_once(first):
         yield f"in stage {first.name} {unheld_words(scene, first.name, 'x')}"
 
@@ -248,8 +248,7 @@ def rubs_at_once(plan: StageProblem) -> bool:
 def released_strip(preview: Preview) -> Iterator[str]:
     """Stages from which on no edge holds the strip in x, nor friction."""
     scene, names = preview.assembly.scene, {plan.name for plan in preview.plans}
-    holding = {name for name, edge in scene.edges.items() if "x" in edge.fixed}
-    let_go = ""
+    holding, let_go = set(scene.held_in("x")), ""
     for stage in (stage for stage in scene.stages if stage.name in names and (holding or let_go)):
         released = [name for name, edge in stage.edges.items() if edge.release]
         holding -= set(released)
@@ -489,8 +488,7 @@ def buckled_section(state: State, scene: SceneSpec) -> Iterator[str]:
     begin, end = strip.span
     arcs = sorted(contact.arc for contact in state.touched.values())
     places, forces = quadrature_points(strip)[0], state.membrane_forces[0, 0]
-    held = {name for name, edge in scene.edges.items() if "z" in edge.fixed}
-    loose = [name for name in ENDS if name not in held]
+    loose = [name for name in ENDS if name not in scene.held_in("z")]
     turns = loose and not arcs and scene.threading is None
     for (_, start), (stop, _) in pairwise([(begin, begin), *arcs, (end, end)]):
         within = (start <= places) & (places <= stop)
@@ -787,8 +785,7 @@ def slip_speed(preview: Preview) -> float:
     edges strip passes, less ``strip.speed``; else the elastic creep; infinite if nothing moves.
     """
     scene, rollers = preview.assembly.scene, preview.assembly.rollers
-    released = {n for stage in scene.stages for n, edge in stage.edges.items() if edge.release}
-    held = [n for n, edge in scene.edges.items() if "x" in edge.fixed and n not in released]
+    held = [name for name in scene.held_in("x") if name not in scene.released]
     idle = {spec.name for spec in scene.rollers if spec.drive != "speed"}
     turning, moving, passing = dict[str, float](), dict[str, float](), list[float]()
     slip, moves = 0.0, False
@@ -888,7 +885,7 @@ def needless_shell(preview: Preview) -> Iterator[str]:
     count, typed = assembly.strip.unknowns, scene.strip.model_fields_set
     fields = [given for strip in scene.shapes for given in strip.natural.values()]
     along = any(isinstance(given, FieldSpec) and given.along for given in fields)
-    clamped = not scene.rollers and any("y" in edge.fixed for edge in scene.edges.values())
+    clamped = not scene.rollers and scene.held_in("y")
     if count < LARGE_SHELL or "kinematics" in typed or along or clamped:
         return
     if any(against_section(preview)):

@@ -135,8 +135,8 @@ def is_fed_by_default(scene: SceneSpec) -> bool:
     """
     strip = scene.strip
     own = strip.mesh or strip.imperfection or scene.material.plasticity or varies_along(scene)
-    let_go = any(end.release for stage in scene.stages for end in stage.edges.values())
-    endless = scene.threading is not None or (let_go and largest_force(scene) > 0.0)
+    let_go = scene.released and largest_force(scene) > 0.0
+    endless = scene.threading is not None or let_go
     closed = scene.threading is not None and scene.threading.closed
     if closed or not endless or scene.friction is None or own:
         return False
@@ -197,8 +197,7 @@ def slip_of_held_strip(scene: SceneSpec) -> float:
     rollers that follow it, are moved, stand as it does or come to rest, in a steady stage, and
     where no end is held throughout.
     """
-    let_go = {name for stage in scene.stages for name, edge in stage.edges.items() if edge.release}
-    held = [n for n, edge in scene.edges.items() if "x" in edge.fixed and n not in let_go]
+    held = [name for name in scene.held_in("x") if name not in scene.released]
     driven = all(roller.drive == "speed" for roller in scene.rollers)
     closed = scene.threading is not None and scene.threading.closed
     if not (held and driven) or closed:
@@ -331,7 +330,7 @@ def eigenstrain(scene: SceneSpec, shape: NaturalShape, *, stressing: bool = Fals
 
 def held_ends(scene: SceneSpec) -> list[str]:
     """Return which ends of the strip are held along it."""
-    return [name for name in ENDS if name in scene.edges and "x" in scene.edges[name].fixed]
+    return [name for name in ENDS if name in scene.held_in("x")]
 
 
 def largest_force(scene: SceneSpec) -> float:
