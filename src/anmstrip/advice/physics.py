@@ -144,7 +144,7 @@ def roller_over_an_end(preview: Preview) -> Iterator[str]:
         middle, components, where = assembly.thread.middle, {"x", "z"}, ""
         places, _ = middle.at(np.array([0.0, float(middle.length[0])]), 0)
     held = {name for name in ENDS if name in edges and components <= set(edges[name].fixed)}
-    for plan, stage in zip(preview.plans, preview.stages, strict=True):
+    for stage, plan, _ in preview:
         held -= {name for name, edge in stage.edges.items() if edge.release}
         for roller in assembly.rollers:
             centre = f"rollers.{roller.name}.centre"
@@ -255,7 +255,7 @@ def untouched_roller(preview: Preview) -> Iterator[str]:
                 "stage, or take the roller out."
             )
         touched = False
-        for stage, string in zip(preview.stages, preview.strings, strict=True):
+        for stage, _, string in preview:
             wrapped, before = thread is not None and roller.name in thread.turns, touched
             touched = roller.name in string.turns
             leaves = f"the strip comes off roller {roller.name} in stage {stage.name}"
@@ -272,7 +272,7 @@ def untouched_roller(preview: Preview) -> Iterator[str]:
 def moved_through(preview: Preview, roller: Roller) -> bool:
     """Whether a stage moves a roller to the other side of the string around the others."""
     key = f"rollers.{roller.name}.centre"
-    for plan, string in zip(preview.plans, preview.strings, strict=True):
+    for _, plan, string in preview:
         path = string.path
         if path is None or not np.any(plan.controls.slope.get(key, 0.0)):
             continue
@@ -931,7 +931,7 @@ def turn_by_weight(preview: Preview, roller: Roller) -> float:
     """
     assembly, found = preview.assembly, 0.0
     mass = assembly.strip.mass / (preview.tension or np.inf)
-    for plan, string in zip(preview.plans, preview.strings, strict=True):
+    for _, plan, string in preview:
         gravity, path = plan.controls.at(1.0).get("gravity"), string.path
         if gravity is None or path is None or roller.name not in string.turns:
             continue
@@ -1006,7 +1006,7 @@ def slack_by_heat(preview: Preview) -> Iterator[str]:
         return
     held = held_ends(scene)
     weights, laid = strip.weights().ravel(), 0.0
-    for stage, plan in zip(preview.stages, preview.plans, strict=True):
+    for stage, plan, _ in preview:
         ends = [stage.edges[name] for name in ENDS if name in stage.edges]
         led = ends or stage.steady or stage.moves
         if not assembly.closed and (len(held) < len(ENDS) or led):
@@ -1461,7 +1461,7 @@ def lifting_pressure(preview: Preview) -> Iterator[str]:
     """
     scene, tension, mass = preview.assembly.scene, preview.tension, preview.assembly.strip.mass
     radii = {roller.name: roller.radius for roller in scene.rollers}
-    for stage, plan, string in zip(preview.stages, preview.plans, preview.strings, strict=True):
+    for stage, plan, string in preview:
         pressure, path = stage.pressure or 0.0, string.path
         if not pressure or path is None or tension == 0.0:
             continue
@@ -1502,7 +1502,7 @@ def lifted_off_by_pressure(preview: Preview) -> Iterator[str]:
     if scene.threading is not None or preview.tension > 0.0 or len(held) >= len(ENDS):
         return
     sides = {np.sign(roller.centre[2]) for roller in scene.rollers}
-    for stage, plan in zip(preview.stages, preview.plans, strict=True):
+    for stage, plan, _ in preview:
         pressure, gravity = stage.pressure or 0.0, plan.controls.at(1.0).get("gravity", np.zeros(3))
         weight = material.density * scene.strip.thickness * float(gravity[2])
         if pressure * weight < 0.0 and np.sign(pressure + weight) not in {*sides, 0.0}:

@@ -561,12 +561,12 @@ def slack_end(preview: Preview) -> Iterator[str]:
     It does where the strip lies on rollers by its weight, and hardly sags between them, and where
     there are none.
     """
-    strip, largest, stages = preview.assembly.strip, preview.tension, preview.assembly.scene.stages
+    strip, largest = preview.assembly.strip, preview.tension
     stiff = preview.assembly.scene.strip.bending
     if stiff and not preview.assembly.rollers:  # nothing bends it
         return
     bearable = strip.bending_stiffness * (np.pi / strip.length) ** 2 if stiff else 0.0
-    for plan, string in zip(preview.plans, preview.strings, strict=True):
+    for stage, plan, string in preview:
         end = plan.controls.at(1.0)
         force = end.get("exit.force")
         if force is None or "exit.tension" in end or largest < 10.0 * bearable:
@@ -579,7 +579,7 @@ def slack_end(preview: Preview) -> Iterator[str]:
         if np.linalg.norm(force) < SLACK_END * largest < (pulled := np.linalg.norm(before)):
             kept = units.typed_vector(0.1 * largest / pulled * before, ".2g")
             key = f"'stages.{plan.name}.exit.force={kept}'"
-            typed = next(stage.edges.get("exit") for stage in stages if stage.name == plan.name)
+            typed = stage.edges.get("exit")
             if typed is not None and typed.tension is not None:
                 key = f"stages.{plan.name}.exit.tension={0.1 * largest:.2g}"
             yield (
@@ -598,7 +598,7 @@ def carries_itself(preview: Preview, plan: StageProblem, span: float) -> bool:
 
 def pulled_twice(preview: Preview) -> Iterator[str]:
     """Ends on which the force of one stage and the tension of another act at once."""
-    for plan, stage in zip(preview.plans, preview.stages, strict=True):
+    for stage, plan, _ in preview:
         end = plan.controls.at(1.0)
         for name, typed in stage.edges.items():
             force = float(np.linalg.norm(end.get(f"{name}.force", 0.0)))
@@ -616,7 +616,7 @@ def pulled_twice(preview: Preview) -> Iterator[str]:
 def heavy_strip(preview: Preview) -> Iterator[str]:
     """Stages in which a span weighs more than tension or bending carries without a deep sag."""
     largest, sagging = preview.tension, dict[str, float]()
-    for plan, string in zip(preview.plans, preview.strings, strict=True):
+    for _, plan, string in preview:
         load, span = weight_of(preview, plan), string.span
         weight, bent = load * span, bending_stiffness(preview.assembly.scene)
         if weight > largest and load * span**3 > 6.0 * STIFF_SLOPE * bent:
@@ -634,7 +634,7 @@ def heavy_strip(preview: Preview) -> Iterator[str]:
 def heavy_pass(preview: Preview) -> Iterator[str]:
     """Stages in which strip from an end down to the next roller weighs more than pulls it."""
     given = preview.assembly.scene.threading
-    for plan, string in zip(preview.plans, preview.strings, strict=True):
+    for _, plan, string in preview:
         end, path = plan.controls.at(1.0), string.path
         if given is None or path is None or "gravity" not in end:
             continue
@@ -833,13 +833,13 @@ LARGE_SHELL = 5000
 
 def growing_wraps(preview: Preview) -> Iterator[str]:
     """Yield the first stage in which rollers move so that many elements come to lie on them."""
-    assembly, strings, contact = preview.assembly, preview.strings, preview.assembly.scene.contact
+    assembly, contact = preview.assembly, preview.assembly.scene.contact
     if contact is None or contact.onset is not None or contact.constants or contact.law:
         return
     radii = {roller.name: float(roller.radius) for roller in assembly.rollers}
-    for k, plan in enumerate(preview.plans[1:], start=1):
-        before, after = strings[k - 1].turns, strings[k].turns
-        laid = {n: radii[n] * (turn - before.get(n, 0.0)) for n, turn in after.items()}
+    for (*_, before), (_, plan, after) in pairwise(preview):
+        more = {name: turn - before.turns.get(name, 0.0) for name, turn in after.turns.items()}
+        laid = {name: radii[name] * turn for name, turn in more.items()}
         length = sum(grown for grown in laid.values() if grown > 0.0)
         count = length / float(assembly.strip.cell_sizes[0].min())
         if count < MANY_LANDINGS:

@@ -388,7 +388,7 @@ def stage_table(preview: Preview) -> Table:
     columns = ("from (s)", "to (s)", "free unknowns", "path", "what moves")
     table = plain_table("Stages", "stage", *columns)
     typed, strip = dict[str, str](), preview.assembly.strip
-    for plan, stage in zip(preview.plans, preview.stages, strict=True):
+    for stage, plan, _ in preview:
         typed |= typed_keys(stage)
         moving = sorted(set(plan.controls.slope) - INTERNAL_CONTROLS)
         for name in preview.assembly.scene.edges:
