@@ -36,6 +36,7 @@ from anmstrip.results.rollers import ContactState
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import THREADING
+from anmstrip.simulation.defaults import typed_tensions
 from anmstrip.simulation.meshing import LAYER_SHARE, Nip
 from anmstrip.simulation.problem import Assembly, cheapest_order, size_of
 from anmstrip.simulation.stages import Course
@@ -407,11 +408,11 @@ def more_tension(failure: Failure) -> str:
     scene = failure.scene
     stage = failure.stage.name if failure.place is None else scene.stages[-1].name
     if scene.threading is not None:
-        pulls = [("threading.tension", scene.threading.tension)]
-        for each in scene.stages if stage != THREADING else ():
-            ends = ((f"stages.{each.name}.{n}.tension", c.tension) for n, c in each.edges.items())
-            pulls += [(key, tension) for key, tension in ends if tension]
-        return "Try " + " ".join(f"--set {key}={2.0 * tension:.3g}" for key, tension in pulls)
+        pulls = typed_tensions(scene)
+        if stage == THREADING:
+            pulls = {"threading.tension": scene.threading.tension}
+        settings = (f"--set {key}={2.0 * tension:.3g}" for key, tension in pulls.items())
+        return f"Try {' '.join(settings)}"
     held, least = scene.edges.get("exit"), 5e-5 * failure.assembly.strip.tensile_stiffness
     end = failure.plan.controls.at(1.0)
     if (tension := float(end.get("exit.tension", 0.0))) > 0.0:

@@ -33,6 +33,7 @@ from anmstrip.simulation.defaults import (
     given_tensions,
     held_ends,
     largest_force,
+    typed_tensions,
     varies_along,
 )
 from anmstrip.simulation.meshing import (
@@ -1394,11 +1395,8 @@ def loose_fibres(preview: Preview) -> Iterator[str]:
 
 def raised_tensions(scene: SceneSpec, least: float) -> str:
     """Return settings by which no tension that pulls a threaded line is below one (N/m)."""
-    given = {"threading": scene.threading.tension if scene.threading else None}
-    for stage in scene.stages:
-        given |= {f"stages.{stage.name}.{end}": edge.tension for end, edge in stage.edges.items()}
-    low = [key for key, tension in given.items() if tension and tension < least]
-    return " ".join(f"--set {key}.tension={least:g}" for key in low)
+    low = [key for key, tension in typed_tensions(scene).items() if tension < least]
+    return " ".join(f"--set {key}={least:g}" for key in low)
 
 
 def sinking_exit(preview: Preview) -> Iterator[str]:

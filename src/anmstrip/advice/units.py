@@ -15,7 +15,7 @@ from anmstrip.advice.preview import Preview
 from anmstrip.errors import InputError
 from anmstrip.scene.checks import meant_modulus
 from anmstrip.scene.schema import SceneSpec
-from anmstrip.simulation.defaults import largest_force, regularising_speed
+from anmstrip.simulation.defaults import largest_force, regularising_speed, typed_tensions
 from anmstrip.simulation.meshing import MAX_LYING_TURN
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.threading import LARGEST_RADIUS
@@ -325,16 +325,12 @@ def doubtful_tensions(scene: SceneSpec) -> Iterator[Doubt]:
     t, m = scene.strip.thickness, scene.material
     least = EARTH_GRAVITY * LOOP_HEIGHT * t * (m.density or m.young / SPECIFIC_STIFFNESS)
     bound = min(least, MAX_LINE_STRESS)
-    pulls = {} if scene.threading is None else {"threading.tension": scene.threading.tension}
+    threaded = np.inf if scene.threading is None else scene.threading.tension
     # A stage that pulls by less than 1 leaves strip slack, unless threading is in doubt too.
-    slack = 0.0 if any(pull < bound for pull in pulls.values()) else 1.0
-    for stage in scene.stages:
-        for end, control in stage.edges.items():
-            if 0.0 < (pull := control.tension or 0.0) >= slack:
-                pulls[f"stages.{stage.name}.{end}.tension"] = pull
+    slack = 0.0 if threaded < bound else 1.0
     why = f"in N/m, and {LOOP_HEIGHT:g} m of the strip weigh {least:.3g} N/m"
-    for key, tension in pulls.items():
-        if tension < bound:
+    for key, tension in typed_tensions(scene).items():
+        if slack <= tension < bound:
             yield Doubt(key, tension, why, "MPa", f"{key}={1e6 * t * tension:.3g}")
 
 

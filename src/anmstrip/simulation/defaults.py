@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from anmstrip.arrays import Array
-from anmstrip.scene.checks import held_along, moved_ends
+from anmstrip.scene.checks import edge_controls, held_along, moved_ends
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS, I_UNIT, FieldSpec, NaturalShape, RollerSpec, StageSpec
 
@@ -288,6 +288,13 @@ def given_tensions(scene: SceneSpec) -> Iterator[float]:
         yield scene.threading.tension
     for stage in scene.stages:
         yield from (pull for _, pull in edge_pulls(stage))
+
+
+def typed_tensions(scene: SceneSpec) -> dict[str, float]:
+    """Return the tensions above 0 that a scene gives (N/m), by their keys, threading first."""
+    given = {"threading": 0.0 if scene.threading is None else scene.threading.tension}
+    given |= {key: end.tension or 0.0 for key, _, end in edge_controls(scene.stages)}
+    return {f"{key}.tension": tension for key, tension in given.items() if tension}
 
 
 def edge_pulls(stage: StageSpec) -> Iterator[tuple[str, float]]:
