@@ -528,6 +528,18 @@ def slides(contact: ContactState) -> bool:
     return bool(contact.touching.any()) and contact.grip > 0.0
 
 
+def touched_drives(state: State, scene: SceneSpec) -> dict[str, ContactState]:
+    """Return the rollers with a drive that the strip lies on."""
+    driven = {roller.name for roller in scene.rollers if roller.driven}
+    return {name: contact for name, contact in state.touched.items() if name in driven}
+
+
+def slides_as_a_whole(state: State, scene: SceneSpec) -> bool:
+    """Whether strip slides over all rollers with a drive that it lies on, and lies on one."""
+    touched = touched_drives(state, scene).values()
+    return bool(touched) and all(map(slides, touched))
+
+
 def beside_rollers(state: State, scene: SceneSpec) -> Iterator[str]:
     """Rollers that the strip lies beside, by more than half its width.
 
