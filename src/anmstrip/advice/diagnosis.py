@@ -481,9 +481,9 @@ def stiff_friction(failure: Failure) -> str | None:
 def low_order(failure: Failure) -> str | None:
     """Series of few terms, asked for: their steps may shrink where those of more do not."""
     given, assembly = failure.scene.solver.order, failure.assembly
-    size = size_of(assembly, assembly.kinematics)
-    if given is None or size is None or failure.stopped.outcome is Outcome.FOLD:
+    if given is None or failure.stopped.outcome is Outcome.FOLD:
         return None
+    size = size_of(assembly, assembly.kinematics)
     order = cheapest_order(size, failure.scene.solver.tolerance)
     if 2 * given > order:
         return None

@@ -17,7 +17,7 @@ import numpy as np
 from anmstrip.advice import physics, units
 from anmstrip.advice.preview import NEGLIGIBLE_BEARING, Preview, free_motions, unheld_words
 from anmstrip.equilibrium import StageProblem
-from anmstrip.fem.geometry import KINEMATICS, Kinematics
+from anmstrip.fem.geometry import KINEMATICS, SECTION, Kinematics
 from anmstrip.fem.sampling import quadrature_points
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.roller import Roller
@@ -160,8 +160,9 @@ def soft_contact(preview: Preview) -> Iterator[str]:
     graded law goes with its onset.
     """
     contact = preview.assembly.scene.contact
-    for roller in preview.assembly.rollers if contact is not None else ():
-        assert contact is not None
+    if contact is None:
+        return
+    for roller in preview.assembly.rollers:
         law, pressure = preview.assembly.signorini, preview.tension / roller.radius
         depth = -float(law.gap(np.float64(pressure))) if pressure else 0.0
         least = MAX_PENETRATION**2 * roller.radius
@@ -900,13 +901,10 @@ def needless_shell(preview: Preview) -> Iterator[str]:
     clamped = not scene.rollers and scene.held_in("y")
     if count < LARGE_SHELL or "kinematics" in typed or along or clamped:
         return
-    if any(against_section(preview)):
-        return
-    size = size_of(assembly, KINEMATICS["section"])
-    if size is not None:
+    if not any(against_section(preview)):
         yield (
-            f"nothing varies across the strip, which is a shell of {count} unknowns: a section "
-            f"has {size.unknowns}. Try --set 'strip.kinematics=\"section\"'"
+            f"nothing varies across the strip, which is a shell of {count} unknowns: a section has "
+            f"{size_of(assembly, SECTION).unknowns}. Try --set 'strip.kinematics=\"section\"'"
         )
 
 
@@ -987,8 +985,7 @@ class Level:
 def levels(preview: Preview) -> list[Level]:
     """Return the three levels, the cheapest first."""
     assembly, slope = preview.assembly, preview.steepest.slope
-    own, edges = size_of(assembly, assembly.kinematics), ""
-    assert own is not None
+    own, edges = size_of(assembly, assembly.kinematics).seconds(assembly.order), ""
     if assembly.rollers and assembly.scene.strip.bending:
         width = np.sqrt(min(r.radius for r in assembly.rollers) * assembly.strip.thickness)
         edges = f" (about √(r t) = {width:.2g} m wide)"
@@ -1007,10 +1004,11 @@ def levels(preview: Preview) -> list[Level]:
     }
     found = []
     for name, (against, lost) in told.items():
-        size = size_of(assembly, KINEMATICS[name])
-        order = assembly.order
-        cost = None if size is None else size.seconds(order) / own.seconds(order)
-        found.append(Level(KINEMATICS[name], size, cost, against, lost))
+        level, size, cost = KINEMATICS[name], None, None
+        if assembly.scene.strip.mesh is None or level is not SECTION:
+            size = size_of(assembly, level)
+            cost = size.seconds(assembly.order) / own
+        found.append(Level(level, size, cost, against, lost))
     return found
 
 

@@ -129,13 +129,11 @@ def cheapest_order(size: Size, tolerance: float) -> int:
     return min(ORDERS, key=lambda n: size.seconds(n) * tolerance ** (-1.0 / (n + 1)))
 
 
-def size_of(assembly: Assembly, level: Kinematics) -> Size | None:
-    """Counts of a level on the scene's own lines of nodes; None where it cannot have its mesh."""
-    strip, spec = assembly.strip, assembly.scene.strip
+def size_of(assembly: Assembly, level: Kinematics) -> Size:
+    """Counts of a level on the scene's own lines of nodes."""
+    strip = assembly.strip
     lines = len(np.unique(np.round(strip.mesh.p[0] / strip.length, 9)))
     if level is SECTION:
-        if spec.mesh is not None:
-            return None
         scalars, quadrature, touched = 2 * lines, 4 * (lines - 1), 2 * lines - 1
     elif assembly.kinematics is not SECTION:
         scalars, quadrature = strip.scalars, strip.basis.dx.size
@@ -306,9 +304,7 @@ class Assembly:
         """Order of the series: the scene's, or the cheapest."""
         if self.scene.solver.order is not None:
             return self.scene.solver.order
-        size = size_of(self, self.kinematics)
-        assert size is not None
-        return cheapest_order(size, self.scene.solver.tolerance)
+        return cheapest_order(size_of(self, self.kinematics), self.scene.solver.tolerance)
 
     @cached_property
     def thread(self) -> Thread | None:
