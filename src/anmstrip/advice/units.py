@@ -15,7 +15,7 @@ from anmstrip.advice.preview import Preview
 from anmstrip.errors import InputError
 from anmstrip.scene.checks import meant_modulus
 from anmstrip.scene.schema import SceneSpec
-from anmstrip.simulation.defaults import largest_force, regularising_speed, typed_tensions
+from anmstrip.simulation.defaults import has_default_slip_speed, largest_force, typed_tensions
 from anmstrip.simulation.meshing import MAX_LYING_TURN
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.threading import LARGEST_RADIUS
@@ -186,7 +186,7 @@ def scene_as_meant(scene: SceneSpec, found: Sequence[Doubt]) -> SceneSpec | None
     tables: dict[str, Any] = scene.model_dump(mode="json", exclude_unset=True)
     for stage in tables["stages"]:
         stage.update(stage.pop("edges", {}))
-    if scene.friction is not None and scene.friction.speed == regularising_speed(scene):
+    if has_default_slip_speed(scene):
         tables["friction"].pop("speed", None)
     try:
         typed = [each.typed for each in found]

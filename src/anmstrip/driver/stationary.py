@@ -25,7 +25,7 @@ from anmstrip.errors import InputError, Mistake, as_path, as_texts, nearest
 from anmstrip.results.files import make_directory, write_summary, write_table
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec, StageSpec
-from anmstrip.simulation.defaults import regularising_speed
+from anmstrip.simulation.defaults import has_default_slip_speed
 from anmstrip.simulation.march import Step
 from anmstrip.simulation.problem import EffectMaker, naturals
 from anmstrip.taylor.polynomials import value_at
@@ -468,8 +468,8 @@ class OperatingMap:
             whole = lost or slides_as_a_whole(self.failure.state, self.run.scene)
             cause = "The strip slides as a whole there." if whole else None
             self.message = diagnosis(self.failure, cause)
-        friction, scene = self.run.assembly.friction, self.run.scene
-        if lost and friction is not None and friction.speed == regularising_speed(scene):
+        friction = self.run.assembly.friction
+        if lost and friction is not None and has_default_slip_speed(self.run.scene):
             told.append(
                 "Creep of the strip at up to V_c makes that late. To see by how much, "
                 f"try --set friction.speed={0.1 * friction.speed:.2g}"

@@ -182,6 +182,11 @@ def regularising_speed(scene: SceneSpec) -> float:
     return max(creep, HELD_SLIP_SHARE * slip)
 
 
+def has_default_slip_speed(scene: SceneSpec) -> bool:
+    """Return whether friction has the V_c that follows from the rest of a scene."""
+    return scene.friction is not None and scene.friction.speed == regularising_speed(scene)
+
+
 def resting_speed(scene: SceneSpec, stage: StageSpec) -> float:
     """Return V_c (m/s) by which strip hardly creeps in a stage in which it stands."""
     strain = REST_CREEP_SHARE * working_strain(scene)
