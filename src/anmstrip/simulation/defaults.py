@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 
 from anmstrip.arrays import Array
-from anmstrip.scene.checks import edge_controls, held_along, moved_ends
+from anmstrip.scene.checks import edge_controls, held_along, moved_ends, strain_units
 from anmstrip.scene.schema import SceneSpec
-from anmstrip.scene.tables import ENDS, I_UNIT, FieldSpec, NaturalShape, RollerSpec, StageSpec
+from anmstrip.scene.tables import ENDS, FieldSpec, NaturalShape, RollerSpec, StageSpec
 
 CREEP_SHARE = 0.1
 """Share of the elastic creep that V_c is by default.
@@ -322,8 +322,7 @@ def eigenstrain(scene: SceneSpec, shape: NaturalShape, *, stressing: bool = Fals
     else of a shell what is not linear across, and of what varies along by Δ its (b/L)² Δ.
     """
     strip, found = scene.strip, [0.0]
-    units = {"temperature": scene.material.expansion or 0.0, "flatness": I_UNIT}
-    units["camber"] = 0.5 * (strip.width or 0.0)
+    units = strain_units(strip, scene.material)
     across = any("y" in edge.fixed and not edge.centred for edge in scene.edges.values())
     free = stressing and not across and len(held_ends(scene)) < len(ENDS)
     for key in units.keys() & shape.natural.keys():
