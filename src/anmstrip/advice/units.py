@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -143,9 +144,8 @@ def as_meant(preview: Preview) -> Preview | None:
         return None
     if not found:
         return preview
-    if (scene := scene_as_meant(assembly.scene, found)) is None:
-        return None
     try:
+        scene = scene_as_meant(assembly.scene, found)
         other = Preview.of(Assembly(scene, assembly.imperfection, assembly.added))
     except InputError:
         return None
@@ -171,15 +171,20 @@ def doubts(preview: Preview) -> Iterator[Doubt]:
     yield from found
     why = "in m/s², in which no line has such a value"
     yield from doubtful_gravity(scene, (LARGEST_IN_LINES["m/s²"], np.inf), why, "mm/s²", 1e-3)
-    if (meant := scene_as_meant(scene, found)) is not None:
-        yield from doubtful_tensions(meant)
+    with suppress(InputError):  # nothing is known of tensions where that scene cannot be
+        yield from doubtful_tensions(scene_as_meant(scene, found))
     yield from doubtful_flatness(scene)
 
 
-def scene_as_meant(scene: SceneSpec, found: Sequence[Doubt]) -> SceneSpec | None:
-    """Return a scene with what was meant instead of what is in doubt, or none if it cannot be.
+def scene_as_meant(scene: SceneSpec, found: Sequence[Doubt]) -> SceneSpec:
+    """Return a scene with what was meant instead of what is in doubt.
 
     A speed of friction that follows from values of the scene is found anew.
+
+    Raises
+    ------
+    InputError
+        That scene cannot be.
     """
     if not found:
         return scene
@@ -188,11 +193,8 @@ def scene_as_meant(scene: SceneSpec, found: Sequence[Doubt]) -> SceneSpec | None
         stage.update(stage.pop("edges", {}))
     if has_default_slip_speed(scene):
         tables["friction"].pop("speed", None)
-    try:
-        typed = [each.typed for each in found]
-        return SceneSpec.from_tables(tables, scene.source or "scene", typed)
-    except InputError:
-        return None
+    typed = [each.typed for each in found]
+    return SceneSpec.from_tables(tables, scene.source or "scene", typed)
 
 
 def in_millimetres(scene: SceneSpec) -> bool:
