@@ -23,7 +23,9 @@ from anmstrip.advice.warnings import (
     finer_mesh,
     serious_as_meant,
     slides,
+    slides_as_a_whole,
     spinning_rollers,
+    touched_drives,
     usual_onset,
 )
 from anmstrip.arrays import Array
@@ -32,10 +34,10 @@ from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.sampling import shape_of
 from anmstrip.mechanics.roller import placed
 from anmstrip.mechanics.shell import eigenstrain
-from anmstrip.results.rollers import ContactState
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import THREADING
+from anmstrip.simulation.defaults import typed_tensions
 from anmstrip.simulation.meshing import LAYER_SHARE, Nip
 from anmstrip.simulation.problem import Assembly, cheapest_order, size_of
 from anmstrip.simulation.stages import Course
@@ -145,12 +147,6 @@ class Failure:
         """Node of the strip that shows it."""
         return locate(self.stopped.evidence, self.state, self.assembly.thread is not None)
 
-    @cached_property
-    def carrying(self) -> dict[str, ContactState]:
-        """Rollers with a drive that the strip lies on."""
-        driven = {roller.name for roller in self.scene.rollers if roller.driven}
-        return {name: c for name, c in self.state.touched.items() if name in driven}
-
 
 def diagnosis(failure: Failure, cause: str | None = None) -> str:
     """Say what has happened and where, then the cause, the likely one if none is known."""
@@ -220,20 +216,19 @@ def nothing_grips(failure: Failure) -> str | None:
 
     As where it yields: bending it takes up tension, which statics before the run leaves out.
     """
-    carrying, stage = failure.carrying.values(), failure.stage
+    stage, slid = failure.stage, slides_as_a_whole(failure.state, failure.scene)
     answers = stage.steady and Course(failure.assembly).pulled(stage)
-    return where_it_slides(failure) if answers and carrying and all(map(slides, carrying)) else None
+    return where_it_slides(failure) if answers and slid else None
 
 
 def where_it_slides(failure: Failure) -> str:
     """Say over which rollers the strip slides, and what helps."""
+    readings = failure.state.rollers
     found = [
-        f"{name} ({np.degrees(reading.wrap):.3g}°, {reading.tension_in:.5g} and "
-        f"{reading.tension_out:.5g} N/m)"
-        for name, reading in failure.state.rollers.items()
-        if reading.tension_in is not None
-        and name in failure.carrying
-        and slides(failure.carrying[name])
+        f"{name} ({np.degrees(readings[name].wrap):.3g}°, {readings[name].tension_in:.5g} and "
+        f"{readings[name].tension_out:.5g} N/m)"
+        for name, contact in touched_drives(failure.state, failure.scene).items()
+        if slides(contact)
     ]
     where = f"It slides over {', '.join(found)}. " if found else ""
     cure = "Try more wrap or friction there, or less difference of the tensions at its ends."
@@ -407,11 +402,11 @@ def more_tension(failure: Failure) -> str:
     scene = failure.scene
     stage = failure.stage.name if failure.place is None else scene.stages[-1].name
     if scene.threading is not None:
-        pulls = [("threading.tension", scene.threading.tension)]
-        for each in scene.stages if stage != THREADING else ():
-            ends = ((f"stages.{each.name}.{n}.tension", c.tension) for n, c in each.edges.items())
-            pulls += [(key, tension) for key, tension in ends if tension]
-        return "Try " + " ".join(f"--set {key}={2.0 * tension:.3g}" for key, tension in pulls)
+        pulls = typed_tensions(scene)
+        if stage == THREADING:
+            pulls = {"threading.tension": scene.threading.tension}
+        settings = (f"--set {key}={2.0 * tension:.3g}" for key, tension in pulls.items())
+        return f"Try {' '.join(settings)}"
     held, least = scene.edges.get("exit"), 5e-5 * failure.assembly.strip.tensile_stiffness
     end = failure.plan.controls.at(1.0)
     if (tension := float(end.get("exit.tension", 0.0))) > 0.0:
@@ -486,9 +481,9 @@ def stiff_friction(failure: Failure) -> str | None:
 def low_order(failure: Failure) -> str | None:
     """Series of few terms, asked for: their steps may shrink where those of more do not."""
     given, assembly = failure.scene.solver.order, failure.assembly
-    size = size_of(assembly, assembly.kinematics)
-    if given is None or size is None or failure.stopped.outcome is Outcome.FOLD:
+    if given is None or failure.stopped.outcome is Outcome.FOLD:
         return None
+    size = size_of(assembly, assembly.kinematics)
     order = cheapest_order(size, failure.scene.solver.tolerance)
     if 2 * given > order:
         return None

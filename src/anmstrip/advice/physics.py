@@ -23,7 +23,7 @@ from anmstrip.mechanics.roller import Roller, placed
 from anmstrip.mechanics.shell import eigenstrain
 from anmstrip.scene.checks import PARALLEL_COSINE, ROUND_OFF, moved_ends
 from anmstrip.scene.schema import SceneSpec, StageSpec
-from anmstrip.scene.tables import ENDS
+from anmstrip.scene.tables import ENDS, EdgeSpec
 from anmstrip.simulation.defaults import (
     bending_stiffness,
     bent_curvature,
@@ -31,7 +31,9 @@ from anmstrip.simulation.defaults import (
     distributed_load,
     flow_stress,
     given_tensions,
+    held_ends,
     largest_force,
+    typed_tensions,
     varies_along,
 )
 from anmstrip.simulation.meshing import (
@@ -143,7 +145,7 @@ def roller_over_an_end(preview: Preview) -> Iterator[str]:
         middle, components, where = assembly.thread.middle, {"x", "z"}, ""
         places, _ = middle.at(np.array([0.0, float(middle.length[0])]), 0)
     held = {name for name in ENDS if name in edges and components <= set(edges[name].fixed)}
-    for plan, stage in zip(preview.plans, preview.stages, strict=True):
+    for stage, plan, _ in preview:
         held -= {name for name, edge in stage.edges.items() if edge.release}
         for roller in assembly.rollers:
             centre = f"rollers.{roller.name}.centre"
@@ -213,8 +215,7 @@ def beyond_flat_strip(preview: Preview) -> dict[str, float]:
     turns = [turn for stage in scene.stages for turn in stage.rollers.values()]
     led = any(end.move or end.velocity or end.speed or end.release for end in ends)
     driven = any(turn.surface_speed or turn.angular_speed or turn.torque for turn in turns)
-    held = any("x" in edge.fixed for edge in scene.edges.values())
-    if assembly.thread is not None or led or driven or not held:
+    if assembly.thread is not None or led or driven or not scene.held_in("x"):
         return {}
     first, last = assembly.strip.span
     found = dict[str, float]()
@@ -255,7 +256,7 @@ def untouched_roller(preview: Preview) -> Iterator[str]:
                 "stage, or take the roller out."
             )
         touched = False
-        for stage, string in zip(preview.stages, preview.strings, strict=True):
+        for stage, _, string in preview:
             wrapped, before = thread is not None and roller.name in thread.turns, touched
             touched = roller.name in string.turns
             leaves = f"the strip comes off roller {roller.name} in stage {stage.name}"
@@ -272,7 +273,7 @@ def untouched_roller(preview: Preview) -> Iterator[str]:
 def moved_through(preview: Preview, roller: Roller) -> bool:
     """Whether a stage moves a roller to the other side of the string around the others."""
     key = f"rollers.{roller.name}.centre"
-    for plan, string in zip(preview.plans, preview.strings, strict=True):
+    for _, plan, string in preview:
         path = string.path
         if path is None or not np.any(plan.controls.slope.get(key, 0.0)):
             continue
@@ -412,7 +413,7 @@ def pulled_at_both_ends(preview: Preview) -> Iterator[Pulled]:
     left out, as bending it takes up tension as well.
     """
     scene, assembly = preview.assembly.scene, preview.assembly
-    held = {name for name in ENDS if name in scene.edges and "x" in scene.edges[name].fixed}
+    held = set(held_ends(scene))
     first = 0.0 if scene.threading is None else scene.threading.tension
     pulls, torques, weight = dict.fromkeys(ENDS, first), dict[str, float](), 0.0
     given = set[str]()  # ends whose tension is known, held as they may be
@@ -894,7 +895,7 @@ def torque_beyond_friction(preview: Preview) -> Iterator[str]:
     """
     assembly, thread = preview.assembly, preview.assembly.thread
     pulls = {pulled.stage.name: pulled for pulled in pulled_at_both_ends(preview)}
-    held = "exit" in assembly.scene.edges and "x" in assembly.scene.edges["exit"].fixed
+    held = "exit" in assembly.scene.held_in("x")
     last = {} if thread is None or held else {thread.rollers[-1].name: preview.tension}
     for stage in assembly.scene.stages:
         before, behind = dict[str, float](), dict[str, float]()
@@ -931,7 +932,7 @@ def turn_by_weight(preview: Preview, roller: Roller) -> float:
     """
     assembly, found = preview.assembly, 0.0
     mass = assembly.strip.mass / (preview.tension or np.inf)
-    for plan, string in zip(preview.plans, preview.strings, strict=True):
+    for _, plan, string in preview:
         gravity, path = plan.controls.at(1.0).get("gravity"), string.path
         if gravity is None or path is None or roller.name not in string.turns:
             continue
@@ -1004,12 +1005,12 @@ def slack_by_heat(preview: Preview) -> Iterator[str]:
     scene, strip = assembly.scene, assembly.strip
     if scene.threading is None or strip.kinematics.name == "plate":
         return
-    held = {name for name in ENDS if name in scene.edges and "x" in scene.edges[name].fixed}
+    held = held_ends(scene)
     weights, laid = strip.weights().ravel(), 0.0
-    for stage, plan in zip(preview.stages, preview.plans, strict=True):
+    for stage, plan, _ in preview:
         ends = [stage.edges[name] for name in ENDS if name in stage.edges]
         led = ends or stage.steady or stage.moves
-        if not assembly.closed and (held != set(ENDS) or led):
+        if not assembly.closed and (len(held) < len(ENDS) or led):
             return
         own = eigenstrain(strip, plan.controls.at(1.0))
         longer = 0.0 if own is None else float(weights @ own[0, 0] / weights.sum())
@@ -1037,7 +1038,7 @@ def tips_over(preview: Preview) -> Iterator[str]:
     """Flat strip that nothing pulls, with its middle beyond the rollers that it weighs on."""
     assembly, scene = preview.assembly, preview.assembly.scene
     weighed = [s.name for s in scene.stages if s.gravity is not None and s.gravity[2] < 0.0]
-    held = any("z" in edge.fixed for edge in scene.edges.values())
+    held = scene.held_in("z")
     above = any(roller.centre[2] > 0.0 for roller in assembly.rollers)
     if assembly.thread is not None or held or above or not weighed:
         return
@@ -1152,7 +1153,7 @@ def borne_weight(preview: Preview, roller: Roller) -> float:
     gravity = [plan.controls.at(1.0).get("gravity", np.zeros(3))[2] for plan in preview.plans]
     if assembly.thread is not None:
         return 0.0
-    held = {name for name, edge in assembly.scene.edges.items() if "z" in edge.fixed}
+    held = assembly.scene.held_in("z")
     ends, x = assembly.strip.span, roller.centre[0]
     places = [end for name, end in zip(ENDS, ends, strict=True) if name in held]
     places += [each.centre[0] for each in assembly.rollers if each.centre[2] < 0.0]
@@ -1262,7 +1263,7 @@ def slack_edge(preview: Preview) -> Iterator[str]:
     strain = largest_force(scene) / (scene.material.young * assembly.strip.thickness)
     k = np.sqrt(12.0 * strain) / width
     before, since = np.array([0.0, 1.0, 0.0]), 0.0
-    guided = not any(end.release for stage in scene.stages for end in stage.edges.values())
+    guided = not scene.released
     for roller, start, end in zip(thread.rollers, *path.arcs[:2], strict=True):
         axis = roller.unit_axis / roller.unit_axis[1]
         heading = path.at(start[0], 0)[1]
@@ -1394,11 +1395,8 @@ def loose_fibres(preview: Preview) -> Iterator[str]:
 
 def raised_tensions(scene: SceneSpec, least: float) -> str:
     """Return settings by which no tension that pulls a threaded line is below one (N/m)."""
-    given = {"threading": scene.threading.tension if scene.threading else None}
-    for stage in scene.stages:
-        given |= {f"stages.{stage.name}.{end}": edge.tension for end, edge in stage.edges.items()}
-    low = [key for key, tension in given.items() if tension and tension < least]
-    return " ".join(f"--set {key}.tension={least:g}" for key in low)
+    low = [key for key, tension in typed_tensions(scene).items() if tension < least]
+    return " ".join(f"--set {key}={least:g}" for key in low)
 
 
 def sinking_exit(preview: Preview) -> Iterator[str]:
@@ -1407,7 +1405,7 @@ def sinking_exit(preview: Preview) -> Iterator[str]:
     It is pulled in the direction in which it is drawn, and the strip there turns by q l/T.
     """
     scene, thread = preview.assembly.scene, preview.assembly.thread
-    given, spec = scene.threading, scene.edges.get("exit")
+    given = scene.threading
     if thread is None or given is None or given.exit is None or preview.tension == 0.0:
         return
     gravity = max((-stage.gravity[2] for stage in scene.stages if stage.gravity), default=0.0)
@@ -1415,7 +1413,7 @@ def sinking_exit(preview: Preview) -> Iterator[str]:
     last = thread.rollers[-1]
     run = abs(given.exit[0] - preview.assembly.origin[0] - float(last.centre[0]))
     turn = weight * run / preview.tension
-    if turn > VISIBLE_TURN and not (spec is not None and "z" in spec.fixed):
+    if turn > VISIBLE_TURN and "exit" not in scene.held_in("z"):
         yield (
             f"the exit is free to sink, by about {0.5 * turn * run:.2g} m under the weight of the "
             f"last {run:.3g} m, which turns the strip behind {last.name} by "
@@ -1437,13 +1435,12 @@ def turning_pull(preview: Preview) -> Iterator[str]:
         end = plan.controls.at(1.0)
         for name in ENDS:
             loaded = np.any(end.get("gravity", 0.0)) or np.any(end.get("pressure", 0.0))
-            spec = scene.edges.get(name)
-            free = spec is None or "z" not in spec.fixed
+            free = name not in scene.held_in("z")
             pull = float(end.get(f"{name}.tension", 0.0))
             if not (loaded and free and pull) or name in told:
                 continue
             told.add(name)
-            held = json.dumps([*(spec.fixed if spec else ()), "z"])
+            held = json.dumps([*scene.edges.get(name, EdgeSpec()).fixed, "z"])
             force = typed_vector((pull if name == "exit" else -pull, 0.0, 0.0))
             yield (
                 f"the tension of the {name} in stage {plan.name} turns with the strip there, which "
@@ -1462,7 +1459,7 @@ def lifting_pressure(preview: Preview) -> Iterator[str]:
     """
     scene, tension, mass = preview.assembly.scene, preview.tension, preview.assembly.strip.mass
     radii = {roller.name: roller.radius for roller in scene.rollers}
-    for stage, plan, string in zip(preview.stages, preview.plans, preview.strings, strict=True):
+    for stage, plan, string in preview:
         pressure, path = stage.pressure or 0.0, string.path
         if not pressure or path is None or tension == 0.0:
             continue
@@ -1471,7 +1468,7 @@ def lifting_pressure(preview: Preview) -> Iterator[str]:
         heading = path.angles[::2, 0]
         gx, _, gz = plan.controls.at(1.0).get("gravity", np.zeros(3))
         against = -sense * mass * (gz * np.cos(heading) - gx * np.sin(heading))
-        free = [not (e := scene.edges.get(end)) or "z" not in e.fixed for end in ENDS]
+        free = [end not in scene.held_in("z") for end in ENDS]
         taken = 0.5 * runs
         taken[[0, -1]] *= np.where(free, 2.0, 1.0)
         arcs = 2.0 * tension / runs + against
@@ -1499,11 +1496,11 @@ def lifting_pressure(preview: Preview) -> Iterator[str]:
 def lifted_off_by_pressure(preview: Preview) -> Iterator[str]:
     """Pressure on flat strip that nothing pulls, by which it leaves the rollers that carry it."""
     scene, material = preview.assembly.scene, preview.assembly.material
-    held = [edge for edge in scene.edges.values() if "z" in edge.fixed]
+    held = scene.held_in("z")
     if scene.threading is not None or preview.tension > 0.0 or len(held) >= len(ENDS):
         return
     sides = {np.sign(roller.centre[2]) for roller in scene.rollers}
-    for stage, plan in zip(preview.stages, preview.plans, strict=True):
+    for stage, plan, _ in preview:
         pressure, gravity = stage.pressure or 0.0, plan.controls.at(1.0).get("gravity", np.zeros(3))
         weight = material.density * scene.strip.thickness * float(gravity[2])
         if pressure * weight < 0.0 and np.sign(pressure + weight) not in {*sides, 0.0}:

@@ -59,6 +59,10 @@ class Preview:
             strings.append(string_estimate(course))
         return cls(assembly, plans, strings)
 
+    def __iter__(self) -> Iterator[tuple[StageSpec, StageProblem, StringEstimate]]:
+        """Yield stages as typed and as they would be solved, and the string at the end of each."""
+        return zip(self.stages, self.plans, self.strings, strict=True)
+
     @property
     def stages(self) -> Sequence[StageSpec]:
         """The stages that are seen: of a run that stopped up to the one where it did."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from anmstrip.advice.preview import Preview
 from anmstrip.errors import InputError
 from anmstrip.scene.checks import meant_modulus
 from anmstrip.scene.schema import SceneSpec
-from anmstrip.simulation.defaults import largest_force, regularising_speed
+from anmstrip.simulation.defaults import has_default_slip_speed, largest_force, typed_tensions
 from anmstrip.simulation.meshing import MAX_LYING_TURN
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.threading import LARGEST_RADIUS
@@ -143,9 +144,8 @@ def as_meant(preview: Preview) -> Preview | None:
         return None
     if not found:
         return preview
-    if (scene := scene_as_meant(assembly.scene, found)) is None:
-        return None
     try:
+        scene = scene_as_meant(assembly.scene, found)
         other = Preview.of(Assembly(scene, assembly.imperfection, assembly.added))
     except InputError:
         return None
@@ -171,28 +171,30 @@ def doubts(preview: Preview) -> Iterator[Doubt]:
     yield from found
     why = "in m/s², in which no line has such a value"
     yield from doubtful_gravity(scene, (LARGEST_IN_LINES["m/s²"], np.inf), why, "mm/s²", 1e-3)
-    if (meant := scene_as_meant(scene, found)) is not None:
-        yield from doubtful_tensions(meant)
+    with suppress(InputError):  # nothing is known of tensions where that scene cannot be
+        yield from doubtful_tensions(scene_as_meant(scene, found))
     yield from doubtful_flatness(scene)
 
 
-def scene_as_meant(scene: SceneSpec, found: Sequence[Doubt]) -> SceneSpec | None:
-    """Return a scene with what was meant instead of what is in doubt, or none if it cannot be.
+def scene_as_meant(scene: SceneSpec, found: Sequence[Doubt]) -> SceneSpec:
+    """Return a scene with what was meant instead of what is in doubt.
 
     A speed of friction that follows from values of the scene is found anew.
+
+    Raises
+    ------
+    InputError
+        That scene cannot be.
     """
     if not found:
         return scene
     tables: dict[str, Any] = scene.model_dump(mode="json", exclude_unset=True)
     for stage in tables["stages"]:
         stage.update(stage.pop("edges", {}))
-    if scene.friction is not None and scene.friction.speed == regularising_speed(scene):
+    if has_default_slip_speed(scene):
         tables["friction"].pop("speed", None)
-    try:
-        typed = [each.typed for each in found]
-        return SceneSpec.from_tables(tables, scene.source or "scene", typed)
-    except InputError:
-        return None
+    typed = [each.typed for each in found]
+    return SceneSpec.from_tables(tables, scene.source or "scene", typed)
 
 
 def in_millimetres(scene: SceneSpec) -> bool:
@@ -325,16 +327,12 @@ def doubtful_tensions(scene: SceneSpec) -> Iterator[Doubt]:
     t, m = scene.strip.thickness, scene.material
     least = EARTH_GRAVITY * LOOP_HEIGHT * t * (m.density or m.young / SPECIFIC_STIFFNESS)
     bound = min(least, MAX_LINE_STRESS)
-    pulls = {} if scene.threading is None else {"threading.tension": scene.threading.tension}
+    threaded = np.inf if scene.threading is None else scene.threading.tension
     # A stage that pulls by less than 1 leaves strip slack, unless threading is in doubt too.
-    slack = 0.0 if any(pull < bound for pull in pulls.values()) else 1.0
-    for stage in scene.stages:
-        for end, control in stage.edges.items():
-            if 0.0 < (pull := control.tension or 0.0) >= slack:
-                pulls[f"stages.{stage.name}.{end}.tension"] = pull
+    slack = 0.0 if threaded < bound else 1.0
     why = f"in N/m, and {LOOP_HEIGHT:g} m of the strip weigh {least:.3g} N/m"
-    for key, tension in pulls.items():
-        if tension < bound:
+    for key, tension in typed_tensions(scene).items():
+        if slack <= tension < bound:
             yield Doubt(key, tension, why, "MPa", f"{key}={1e6 * t * tension:.3g}")
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from anmstrip.advice import physics, units
 from anmstrip.advice.preview import NEGLIGIBLE_BEARING, Preview, free_motions, unheld_words
 from anmstrip.equilibrium import StageProblem
-from anmstrip.fem.geometry import KINEMATICS, Kinematics
+from anmstrip.fem.geometry import KINEMATICS, SECTION, Kinematics
 from anmstrip.fem.sampling import quadrature_points
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.roller import Roller
@@ -160,8 +160,9 @@ def soft_contact(preview: Preview) -> Iterator[str]:
     graded law goes with its onset.
     """
     contact = preview.assembly.scene.contact
-    for roller in preview.assembly.rollers if contact is not None else ():
-        assert contact is not None
+    if contact is None:
+        return
+    for roller in preview.assembly.rollers:
         law, pressure = preview.assembly.signorini, preview.tension / roller.radius
         depth = -float(law.gap(np.float64(pressure))) if pressure else 0.0
         least = MAX_PENETRATION**2 * roller.radius
@@ -230,7 +231,7 @@ def unheld_strip(preview: Preview) -> Iterator[str]:
     """
     scene, first = preview.assembly.scene, preview.plans[0]
     along = 0 in preview.assembly.kinematics.components
-    held = preview.assembly.thread is not None or any("x" in e.fixed for e in scene.edges.values())
+    held = preview.assembly.thread is not None or scene.held_in("x")
     if first.in_time and along and not held and not rubs_at_once(first):
         yield f"in stage {first.name} {unheld_words(scene, first.name, 'x')}"
 
@@ -248,8 +249,7 @@ def rubs_at_once(plan: StageProblem) -> bool:
 def released_strip(preview: Preview) -> Iterator[str]:
     """Stages from which on no edge holds the strip in x, nor friction."""
     scene, names = preview.assembly.scene, {plan.name for plan in preview.plans}
-    holding = {name for name, edge in scene.edges.items() if "x" in edge.fixed}
-    let_go = ""
+    holding, let_go = set(scene.held_in("x")), ""
     for stage in (stage for stage in scene.stages if stage.name in names and (holding or let_go)):
         released = [name for name, edge in stage.edges.items() if edge.release]
         holding -= set(released)
@@ -489,8 +489,7 @@ def buckled_section(state: State, scene: SceneSpec) -> Iterator[str]:
     begin, end = strip.span
     arcs = sorted(contact.arc for contact in state.touched.values())
     places, forces = quadrature_points(strip)[0], state.membrane_forces[0, 0]
-    held = {name for name, edge in scene.edges.items() if "z" in edge.fixed}
-    loose = [name for name in ENDS if name not in held]
+    loose = [name for name in ENDS if name not in scene.held_in("z")]
     turns = loose and not arcs and scene.threading is None
     for (_, start), (stop, _) in pairwise([(begin, begin), *arcs, (end, end)]):
         within = (start <= places) & (places <= stop)
@@ -530,6 +529,18 @@ def slides(contact: ContactState) -> bool:
     return bool(contact.touching.any()) and contact.grip > 0.0
 
 
+def touched_drives(state: State, scene: SceneSpec) -> dict[str, ContactState]:
+    """Return the rollers with a drive that the strip lies on."""
+    driven = {roller.name for roller in scene.rollers if roller.driven}
+    return {name: contact for name, contact in state.touched.items() if name in driven}
+
+
+def slides_as_a_whole(state: State, scene: SceneSpec) -> bool:
+    """Whether strip slides over all rollers with a drive that it lies on, and lies on one."""
+    touched = touched_drives(state, scene).values()
+    return bool(touched) and all(map(slides, touched))
+
+
 def beside_rollers(state: State, scene: SceneSpec) -> Iterator[str]:
     """Rollers that the strip lies beside, by more than half its width.
 
@@ -563,12 +574,12 @@ def slack_end(preview: Preview) -> Iterator[str]:
     It does where the strip lies on rollers by its weight, and hardly sags between them, and where
     there are none.
     """
-    strip, largest, stages = preview.assembly.strip, preview.tension, preview.assembly.scene.stages
+    strip, largest = preview.assembly.strip, preview.tension
     stiff = preview.assembly.scene.strip.bending
     if stiff and not preview.assembly.rollers:  # nothing bends it
         return
     bearable = strip.bending_stiffness * (np.pi / strip.length) ** 2 if stiff else 0.0
-    for plan, string in zip(preview.plans, preview.strings, strict=True):
+    for stage, plan, string in preview:
         end = plan.controls.at(1.0)
         force = end.get("exit.force")
         if force is None or "exit.tension" in end or largest < 10.0 * bearable:
@@ -581,7 +592,7 @@ def slack_end(preview: Preview) -> Iterator[str]:
         if np.linalg.norm(force) < SLACK_END * largest < (pulled := np.linalg.norm(before)):
             kept = units.typed_vector(0.1 * largest / pulled * before, ".2g")
             key = f"'stages.{plan.name}.exit.force={kept}'"
-            typed = next(stage.edges.get("exit") for stage in stages if stage.name == plan.name)
+            typed = stage.edges.get("exit")
             if typed is not None and typed.tension is not None:
                 key = f"stages.{plan.name}.exit.tension={0.1 * largest:.2g}"
             yield (
@@ -600,7 +611,7 @@ def carries_itself(preview: Preview, plan: StageProblem, span: float) -> bool:
 
 def pulled_twice(preview: Preview) -> Iterator[str]:
     """Ends on which the force of one stage and the tension of another act at once."""
-    for plan, stage in zip(preview.plans, preview.stages, strict=True):
+    for stage, plan, _ in preview:
         end = plan.controls.at(1.0)
         for name, typed in stage.edges.items():
             force = float(np.linalg.norm(end.get(f"{name}.force", 0.0)))
@@ -618,7 +629,7 @@ def pulled_twice(preview: Preview) -> Iterator[str]:
 def heavy_strip(preview: Preview) -> Iterator[str]:
     """Stages in which a span weighs more than tension or bending carries without a deep sag."""
     largest, sagging = preview.tension, dict[str, float]()
-    for plan, string in zip(preview.plans, preview.strings, strict=True):
+    for _, plan, string in preview:
         load, span = weight_of(preview, plan), string.span
         weight, bent = load * span, bending_stiffness(preview.assembly.scene)
         if weight > largest and load * span**3 > 6.0 * STIFF_SLOPE * bent:
@@ -636,7 +647,7 @@ def heavy_strip(preview: Preview) -> Iterator[str]:
 def heavy_pass(preview: Preview) -> Iterator[str]:
     """Stages in which strip from an end down to the next roller weighs more than pulls it."""
     given = preview.assembly.scene.threading
-    for plan, string in zip(preview.plans, preview.strings, strict=True):
+    for _, plan, string in preview:
         end, path = plan.controls.at(1.0), string.path
         if given is None or path is None or "gravity" not in end:
             continue
@@ -787,8 +798,7 @@ def slip_speed(preview: Preview) -> float:
     edges strip passes, less ``strip.speed``; else the elastic creep; infinite if nothing moves.
     """
     scene, rollers = preview.assembly.scene, preview.assembly.rollers
-    released = {n for stage in scene.stages for n, edge in stage.edges.items() if edge.release}
-    held = [n for n, edge in scene.edges.items() if "x" in edge.fixed and n not in released]
+    held = [name for name in scene.held_in("x") if name not in scene.released]
     idle = {spec.name for spec in scene.rollers if spec.drive != "speed"}
     turning, moving, passing = dict[str, float](), dict[str, float](), list[float]()
     slip, moves = 0.0, False
@@ -836,13 +846,13 @@ LARGE_SHELL = 5000
 
 def growing_wraps(preview: Preview) -> Iterator[str]:
     """Yield the first stage in which rollers move so that many elements come to lie on them."""
-    assembly, strings, contact = preview.assembly, preview.strings, preview.assembly.scene.contact
+    assembly, contact = preview.assembly, preview.assembly.scene.contact
     if contact is None or contact.onset is not None or contact.constants or contact.law:
         return
     radii = {roller.name: float(roller.radius) for roller in assembly.rollers}
-    for k, plan in enumerate(preview.plans[1:], start=1):
-        before, after = strings[k - 1].turns, strings[k].turns
-        laid = {n: radii[n] * (turn - before.get(n, 0.0)) for n, turn in after.items()}
+    for (*_, before), (_, plan, after) in pairwise(preview):
+        more = {name: turn - before.turns.get(name, 0.0) for name, turn in after.turns.items()}
+        laid = {name: radii[name] * turn for name, turn in more.items()}
         length = sum(grown for grown in laid.values() if grown > 0.0)
         count = length / float(assembly.strip.cell_sizes[0].min())
         if count < MANY_LANDINGS:
@@ -888,16 +898,13 @@ def needless_shell(preview: Preview) -> Iterator[str]:
     count, typed = assembly.strip.unknowns, scene.strip.model_fields_set
     fields = [given for strip in scene.shapes for given in strip.natural.values()]
     along = any(isinstance(given, FieldSpec) and given.along for given in fields)
-    clamped = not scene.rollers and any("y" in edge.fixed for edge in scene.edges.values())
+    clamped = not scene.rollers and scene.held_in("y")
     if count < LARGE_SHELL or "kinematics" in typed or along or clamped:
         return
-    if any(against_section(preview)):
-        return
-    size = size_of(assembly, KINEMATICS["section"])
-    if size is not None:
+    if not any(against_section(preview)):
         yield (
-            f"nothing varies across the strip, which is a shell of {count} unknowns: a section "
-            f"has {size.unknowns}. Try --set 'strip.kinematics=\"section\"'"
+            f"nothing varies across the strip, which is a shell of {count} unknowns: a section has "
+            f"{size_of(assembly, SECTION).unknowns}. Try --set 'strip.kinematics=\"section\"'"
         )
 
 
@@ -978,8 +985,7 @@ class Level:
 def levels(preview: Preview) -> list[Level]:
     """Return the three levels, the cheapest first."""
     assembly, slope = preview.assembly, preview.steepest.slope
-    own, edges = size_of(assembly, assembly.kinematics), ""
-    assert own is not None
+    own, edges = size_of(assembly, assembly.kinematics).seconds(assembly.order), ""
     if assembly.rollers and assembly.scene.strip.bending:
         width = np.sqrt(min(r.radius for r in assembly.rollers) * assembly.strip.thickness)
         edges = f" (about √(r t) = {width:.2g} m wide)"
@@ -998,10 +1004,11 @@ def levels(preview: Preview) -> list[Level]:
     }
     found = []
     for name, (against, lost) in told.items():
-        size = size_of(assembly, KINEMATICS[name])
-        order = assembly.order
-        cost = None if size is None else size.seconds(order) / own.seconds(order)
-        found.append(Level(KINEMATICS[name], size, cost, against, lost))
+        level, size, cost = KINEMATICS[name], None, None
+        if assembly.scene.strip.mesh is None or level is not SECTION:
+            size = size_of(assembly, level)
+            cost = size.seconds(assembly.order) / own
+        found.append(Level(level, size, cost, against, lost))
     return found
 
 

@@ -14,7 +14,14 @@ from rich.table import Table
 
 from anmstrip.advice.preview import Preview
 from anmstrip.advice.units import MIN_FLATNESS
-from anmstrip.advice.warnings import Level, justified_level, levels, slides, warnings
+from anmstrip.advice.warnings import (
+    Level,
+    justified_level,
+    levels,
+    slides,
+    touched_drives,
+    warnings,
+)
 from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import InputError, Mistake, printable, require_parent
 from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
@@ -388,7 +395,7 @@ def stage_table(preview: Preview) -> Table:
     columns = ("from (s)", "to (s)", "free unknowns", "path", "what moves")
     table = plain_table("Stages", "stage", *columns)
     typed, strip = dict[str, str](), preview.assembly.strip
-    for plan, stage in zip(preview.plans, preview.stages, strict=True):
+    for stage, plan, _ in preview:
         typed |= typed_keys(stage)
         moving = sorted(set(plan.controls.slope) - INTERNAL_CONTROLS)
         for name in preview.assembly.scene.edges:
@@ -478,8 +485,7 @@ def report(run: Run, told: Collection[str] = ()) -> str:
         if latent is not None and manifest is not None and latent >= MIN_FLATNESS:
             mean = f"{latent:.3g} I-units latent in the mean along the strip"
             parts.append(f"Flatness: {mean}, {manifest:.3g} in waves where they are highest.")
-        driven = [r.name for r in run.scene.rollers if r.driven and r.name in state.touched]
-        touched = {name: state.contacts[name] for name in driven}
+        touched = touched_drives(state, run.scene)
         slid = [n for n in touched if (state.rollers[n].capacity_used or 0.0) > SLIDING_SHARE]
         slid = [n for n in slid if slides(touched[n])]
         if slid:

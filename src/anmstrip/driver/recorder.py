@@ -25,7 +25,7 @@ from anmstrip.results.state import State
 from anmstrip.results.vtk import Collection, subdivide, write_rollers, write_surface
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS
-from anmstrip.simulation.defaults import is_fed_by_default, regularising_speed
+from anmstrip.simulation.defaults import has_default_slip_speed, is_fed_by_default
 from anmstrip.simulation.march import March, Step
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course
@@ -299,7 +299,7 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any], file: str) ->
 def derived_keys(scene: SceneSpec) -> set[str]:
     """Return keys of a scene with its defaults whose values follow from others."""
     found = {"strip.feed"} if scene.strip.feed == is_fed_by_default(scene) else set()
-    if scene.friction is not None and scene.friction.speed == regularising_speed(scene):
+    if has_default_slip_speed(scene):
         found.add("friction.speed")
     return found
 

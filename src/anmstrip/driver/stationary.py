@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from anmstrip.advice.diagnosis import Failure, diagnosis
-from anmstrip.advice.warnings import slides
+from anmstrip.advice.warnings import slides_as_a_whole
 from anmstrip.arrays import Array
 from anmstrip.continuation.path import Branch, Outcome, PathStopped
 from anmstrip.driver.run import Run, spins_away
@@ -25,7 +25,7 @@ from anmstrip.errors import InputError, Mistake, as_path, as_texts, nearest
 from anmstrip.results.files import make_directory, write_summary, write_table
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec, StageSpec
-from anmstrip.simulation.defaults import regularising_speed
+from anmstrip.simulation.defaults import has_default_slip_speed
 from anmstrip.simulation.march import Step
 from anmstrip.simulation.problem import EffectMaker, naturals
 from anmstrip.taylor.polynomials import value_at
@@ -461,26 +461,20 @@ class OperatingMap:
                 f"{self.run.cost.expansions} tangents, {self.run.seconds:.1f} s."
             )
             if not told and self.run.state is not None:
-                whole = self._slides_as_a_whole(self.run.state)
+                whole = slides_as_a_whole(self.run.state, self.run.scene)
                 told = ["No fold, and no roller loses or regains its grip."]
                 told += ["The strip slides over all rollers that drive it."] * whole
         elif self.failure is not None:
-            whole = lost or self._slides_as_a_whole(self.failure.state)
+            whole = lost or slides_as_a_whole(self.failure.state, self.run.scene)
             cause = "The strip slides as a whole there." if whole else None
             self.message = diagnosis(self.failure, cause)
-        friction, scene = self.run.assembly.friction, self.run.scene
-        if lost and friction is not None and friction.speed == regularising_speed(scene):
+        friction = self.run.assembly.friction
+        if lost and friction is not None and has_default_slip_speed(self.run.scene):
             told.append(
                 "Creep of the strip at up to V_c makes that late. To see by how much, "
                 f"try --set friction.speed={0.1 * friction.speed:.2g}"
             )
         self.message = " ".join([self.message, *told])
-
-    def _slides_as_a_whole(self, state: State) -> bool:
-        """Whether strip slides over all rollers that are driven, and touches one."""
-        driven = {r.name for r in self.run.scene.rollers if r.driven}
-        touched = [c for name, c in state.touched.items() if name in driven]
-        return bool(touched) and all(map(slides, touched))
 
     def _write(self, directory: Path) -> None:
         """Write table, figure and summary."""

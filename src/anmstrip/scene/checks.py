@@ -368,14 +368,18 @@ def natural_shapes(strip: StripSpec, material: MaterialSpec, stages: Stages) -> 
             yield from moderate_strain(where, key, given, strip, material)
 
 
+def strain_units(strip: StripSpec, material: MaterialSpec) -> dict[str, float]:
+    """Return the largest strain of a strip by one unit of its heat, flatness and camber."""
+    camber = 0.5 * (strip.width or 0.0)
+    return {"temperature": material.expansion or 0.0, "flatness": I_UNIT, "camber": camber}
+
+
 def moderate_strain(
     where: str, key: str, given: Any, strip: StripSpec, material: MaterialSpec
 ) -> Mistakes:
     """Yield an eigenstrain that no metal has, most often in another unit."""
     faces = 0.5 * strip.thickness
-    units = {"temperature": material.expansion or 0.0, "flatness": I_UNIT}
-    units |= {"camber": 0.5 * (strip.width or 0.0), "coil_set": faces, "crossbow": faces}
-    unit = units[key]
+    unit = {**strain_units(strip, material), "coil_set": faces, "crossbow": faces}[key]
     largest = float(np.abs(given.samples if isinstance(given, FieldSpec) else given).max())
     if unit * largest > MAX_THREADED_STRAIN:
         name = {"temperature": "K", "flatness": "I-units of 1e-5"}.get(key, "1/m")

@@ -77,6 +77,7 @@ def check_shapes(mesh: Mesh) -> None:
     mesh : skfem.MeshQuad or skfem.MeshTri
     """
     corners = mesh.p[:, mesh.t]
+    middles = corners.mean(axis=1)
     if isinstance(mesh, MeshQuad):
         low, high = corners.min(axis=1), corners.max(axis=1)
         room = ZERO_LENGTH * (high - low)
@@ -92,11 +93,10 @@ def check_shapes(mesh: Mesh) -> None:
         wrong = np.abs(x1 * y2 - x2 * y1) <= ZERO_LENGTH * longest**2
         kind, more, hint = "triangles with an area", "have none", ""
     if wrong.any():
-        place = point_text(corners.mean(axis=1)[:, wrong])
-        raise MeshError(f"{kind} ({wrong.sum()} {more}, the first at {place})", hint)
+        found = f"{wrong.sum()} {more}, the first at {point_text(middles[:, wrong])}"
+        raise MeshError(f"{kind} ({found})", hint)
     if (covered := overlapping(mesh)).any():
-        place = point_text(corners.mean(axis=1)[:, covered])
-        found = f"{covered.sum()} cover others, the first at {place}"
+        found = f"{covered.sum()} cover others, the first at {point_text(middles[:, covered])}"
         raise MeshError(f"elements side by side ({found})", "take elements out that lie on others")
     ends = mesh.p[:, mesh.facets[:, mesh.boundary_facets()]]
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=0)
@@ -108,15 +108,15 @@ def check_shapes(mesh: Mesh) -> None:
         raise MeshError(f"neighbours that share their nodes ({found})", hint)
     hanging = hanging_nodes(ends, lengths)
     if hanging.size:
-        found = f"{hanging.shape[1]} nodes lie inside the side of another element"
-        found = f"{found}, the first at {point_text(hanging)}"
+        place, inside = point_text(hanging), "nodes lie inside the side of another element"
+        found = f"{hanging.shape[1]} {inside}, the first at {place}"
         hint = "refine without hanging nodes, or use triangles"
         raise MeshError(f"neighbours that share whole sides ({found})", hint)
     inner = mesh.f2t[:, mesh.f2t[1] >= 0]
     joined = coo_array((np.ones(inner.shape[1]), tuple(inner)), shape=2 * (mesh.nelements,))
     count, island = connected_components(joined, directed=False)
     if count > 1:
-        place = point_text(corners.mean(axis=1)[:, island != island[0]])
+        place = point_text(middles[:, island != island[0]])
         found = f"{count} parts were found, another begins at {place}"
         raise MeshError(f"one strip, joined by whole sides ({found})", "one scene for each part")
 

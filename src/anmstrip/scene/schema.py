@@ -229,6 +229,15 @@ class SceneSpec(Table):
         """Shapes of the strip unstressed: from the beginning, and by stages."""
         return (self.strip, *(stage.strip for stage in self.stages))
 
+    @property
+    def released(self) -> set[str]:
+        """Edges that stages let go."""
+        return {name for stage in self.stages for name, edge in stage.edges.items() if edge.release}
+
+    def held_in(self, component: str) -> list[str]:
+        """Return the edges that are held in a component, as long as no stage lets them go."""
+        return [name for name, edge in self.edges.items() if component in edge.fixed]
+
     def as_typed(self, control: str) -> str:
         """Return the key of a control in a scene, that of a tension for the force that it makes."""
         name, _, key = control.partition(".")

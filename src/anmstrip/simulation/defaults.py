@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 
 from anmstrip.arrays import Array
-from anmstrip.scene.checks import held_along, moved_ends
+from anmstrip.scene.checks import edge_controls, held_along, moved_ends, strain_units
 from anmstrip.scene.schema import SceneSpec
-from anmstrip.scene.tables import ENDS, I_UNIT, FieldSpec, NaturalShape, RollerSpec, StageSpec
+from anmstrip.scene.tables import ENDS, FieldSpec, NaturalShape, RollerSpec, StageSpec
 
 CREEP_SHARE = 0.1
 """Share of the elastic creep that V_c is by default.
@@ -135,8 +135,8 @@ def is_fed_by_default(scene: SceneSpec) -> bool:
     """
     strip = scene.strip
     own = strip.mesh or strip.imperfection or scene.material.plasticity or varies_along(scene)
-    let_go = any(end.release for stage in scene.stages for end in stage.edges.values())
-    endless = scene.threading is not None or (let_go and largest_force(scene) > 0.0)
+    let_go = scene.released and largest_force(scene) > 0.0
+    endless = scene.threading is not None or let_go
     closed = scene.threading is not None and scene.threading.closed
     if closed or not endless or scene.friction is None or own:
         return False
@@ -182,6 +182,11 @@ def regularising_speed(scene: SceneSpec) -> float:
     return max(creep, HELD_SLIP_SHARE * slip)
 
 
+def has_default_slip_speed(scene: SceneSpec) -> bool:
+    """Return whether friction has the V_c that follows from the rest of a scene."""
+    return scene.friction is not None and scene.friction.speed == regularising_speed(scene)
+
+
 def resting_speed(scene: SceneSpec, stage: StageSpec) -> float:
     """Return V_c (m/s) by which strip hardly creeps in a stage in which it stands."""
     strain = REST_CREEP_SHARE * working_strain(scene)
@@ -197,8 +202,7 @@ def slip_of_held_strip(scene: SceneSpec) -> float:
     rollers that follow it, are moved, stand as it does or come to rest, in a steady stage, and
     where no end is held throughout.
     """
-    let_go = {name for stage in scene.stages for name, edge in stage.edges.items() if edge.release}
-    held = [n for n, edge in scene.edges.items() if "x" in edge.fixed and n not in let_go]
+    held = [name for name in scene.held_in("x") if name not in scene.released]
     driven = all(roller.drive == "speed" for roller in scene.rollers)
     closed = scene.threading is not None and scene.threading.closed
     if not (held and driven) or closed:
@@ -291,6 +295,13 @@ def given_tensions(scene: SceneSpec) -> Iterator[float]:
         yield from (pull for _, pull in edge_pulls(stage))
 
 
+def typed_tensions(scene: SceneSpec) -> dict[str, float]:
+    """Return the tensions above 0 that a scene gives (N/m), by their keys, threading first."""
+    given = {"threading": 0.0 if scene.threading is None else scene.threading.tension}
+    given |= {key: end.tension or 0.0 for key, _, end in edge_controls(scene.stages)}
+    return {f"{key}.tension": tension for key, tension in given.items() if tension}
+
+
 def edge_pulls(stage: StageSpec) -> Iterator[tuple[str, float]]:
     """Yield edges whose force or tension a stage gives, and its size (N/m); the tension last."""
     for name, edge in stage.edges.items():
@@ -311,8 +322,7 @@ def eigenstrain(scene: SceneSpec, shape: NaturalShape, *, stressing: bool = Fals
     else of a shell what is not linear across, and of what varies along by Δ its (b/L)² Δ.
     """
     strip, found = scene.strip, [0.0]
-    units = {"temperature": scene.material.expansion or 0.0, "flatness": I_UNIT}
-    units["camber"] = 0.5 * (strip.width or 0.0)
+    units = strain_units(strip, scene.material)
     across = any("y" in edge.fixed and not edge.centred for edge in scene.edges.values())
     free = stressing and not across and len(held_ends(scene)) < len(ENDS)
     for key in units.keys() & shape.natural.keys():
@@ -331,7 +341,7 @@ def eigenstrain(scene: SceneSpec, shape: NaturalShape, *, stressing: bool = Fals
 
 def held_ends(scene: SceneSpec) -> list[str]:
     """Return which ends of the strip are held along it."""
-    return [name for name in ENDS if name in scene.edges and "x" in scene.edges[name].fixed]
+    return [name for name in ENDS if name in scene.held_in("x")]
 
 
 def largest_force(scene: SceneSpec) -> float:

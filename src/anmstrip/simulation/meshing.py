@@ -550,12 +550,11 @@ class Layout:
         if scene.strip.feed:
             return 0.0, 0.0
         held = {edge for edge, spec in scene.edges.items() if spec.fixed}
-        free = {name for stage in scene.stages for name, c in stage.edges.items() if c.release}
         ways = []
-        for edge in held - free:
+        for edge in held - scene.released:
             controls = [stage.edges.get(edge) for stage in scene.stages]
             ways.append(_travel(scene, [None if c is None else c.signed_speed for c in controls]))
-        if (not held or free) and not any(map(any, ways)):
+        if (not held or scene.released) and not any(map(any, ways)):
             drives = {roller.drive for roller in scene.rollers}
             if "torque" in drives and "speed" not in drives:
                 return np.inf, np.inf

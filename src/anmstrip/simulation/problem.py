@@ -129,13 +129,11 @@ def cheapest_order(size: Size, tolerance: float) -> int:
     return min(ORDERS, key=lambda n: size.seconds(n) * tolerance ** (-1.0 / (n + 1)))
 
 
-def size_of(assembly: Assembly, level: Kinematics) -> Size | None:
-    """Counts of a level on the scene's own lines of nodes; None where it cannot have its mesh."""
-    strip, spec = assembly.strip, assembly.scene.strip
+def size_of(assembly: Assembly, level: Kinematics) -> Size:
+    """Counts of a level on the scene's own lines of nodes."""
+    strip = assembly.strip
     lines = len(np.unique(np.round(strip.mesh.p[0] / strip.length, 9)))
     if level is SECTION:
-        if spec.mesh is not None:
-            return None
         scalars, quadrature, touched = 2 * lines, 4 * (lines - 1), 2 * lines - 1
     elif assembly.kinematics is not SECTION:
         scalars, quadrature = strip.scalars, strip.basis.dx.size
@@ -306,9 +304,7 @@ class Assembly:
         """Order of the series: the scene's, or the cheapest."""
         if self.scene.solver.order is not None:
             return self.scene.solver.order
-        size = size_of(self, self.kinematics)
-        assert size is not None
-        return cheapest_order(size, self.scene.solver.tolerance)
+        return cheapest_order(size_of(self, self.kinematics), self.scene.solver.tolerance)
 
     def input(self) -> dict[str, Any]:
         """Return the scene as it is run, with what the mesh and the machine decide; JSON-ready."""
@@ -949,7 +945,7 @@ def wrong_law(law: Any) -> tuple[str, str] | None:
     from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
 
     points = np.array([-1.0, 0.5, 2.0, 30.0])
-    check: Callable[[Any, Array], tuple[tuple[int, ...] | None, bool]]
+    check: Callable[[Any, Array], bool]
     if isinstance(law, FrictionLaw):
         check, wanted = _rubs, "friction against the slip, proportional to coefficient"
         hint = "return -f * normal * …"
@@ -963,12 +959,11 @@ def wrong_law(law: Any) -> tuple[str, str] | None:
         return "a frozen dataclass", "@dataclass(frozen=True) before its class"
     try:
         with np.errstate(all="ignore"):
-            shape, right = check(law, points)
+            return None if check(law, points) else (wanted, hint)
+    except WrongShapeError as error:
+        return f"an array as large as what it is given, and it returned {error}", hint
     except Exception as error:  # whatever the user's law raises
         return f"a law that works on arrays ({words_of(error)})", hint
-    if shape is not None:
-        wanted = f"an array as large as what it is given, and it returned {shape}"
-    return None if right and shape is None else (wanted, hint)
 
 
 def wrong_effect(effect: LawEffect, unknowns: int, controls: Mapping[str, Array]) -> str | None:
@@ -1004,28 +999,36 @@ def words_of(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}{place}".replace(": ,", ",").removesuffix(": ")
 
 
-def _rubs(law: Any, points: Array) -> tuple[tuple[int, ...] | None, bool]:
-    """Return the shape of a law's friction if it is wrong, and whether its values are right."""
+class WrongShapeError(ValueError):
+    """A user's law has returned an array of this shape, which is not that of what it was given."""
+
+
+def shaped_like(given: Array, found: Any) -> Array:
+    """Return what a user's law has made of an array, refused unless it is as large."""
+    values = np.asarray(found, dtype=float)
+    if values.shape != given.shape:
+        raise WrongShapeError(values.shape)
+    return values
+
+
+def _rubs(law: Any, points: Array) -> bool:
+    """Return whether a law of friction opposes slip, in proportion to its coefficient."""
     slip, ones = law.speed * np.stack([points, 0.0 * points, points[::-1]]), np.ones(4)
     laws = law, replace(law, coefficient=2.0 * law.coefficient)
-    found, twice = (np.asarray(each(ones, slip), dtype=float) for each in laws)
-    if found.shape != slip.shape:
-        return found.shape, False
+    found, twice = (shaped_like(slip, each(ones, slip)) for each in laws)
     record(law, ones, slip)
-    return None, bool(np.all((found * slip).sum(axis=0) < 0.0) and np.allclose(twice, 2.0 * found))
+    return bool(np.all((found * slip).sum(axis=0) < 0.0) and np.allclose(twice, 2.0 * found))
 
 
-def _pushes(law: Any, points: Array) -> tuple[tuple[int, ...] | None, bool]:
-    """Return the same of a law of contact."""
-    found, faint = np.asarray(law(points * law.width), dtype=float), float(law.faint)
-    if found.shape != points.shape:
-        return found.shape, False
+def _pushes(law: Any, points: Array) -> bool:
+    """Return whether the pressure of a law of contact falls with the gap, and has a faint one."""
+    found, faint = shaped_like(points, law(points * law.width)), float(law.faint)
     record(law, points * law.width)
-    return None, bool(np.all(np.diff(found) <= 0.0) and found[-1] < found[0] and faint > 0.0)
+    return bool(np.all(np.diff(found) <= 0.0) and found[-1] < found[0] and faint > 0.0)
 
 
-def _flows(law: Any, points: Array) -> tuple[tuple[int, ...] | None, bool]:
-    """Return the same of a law of flow."""
+def _flows(law: Any, points: Array) -> bool:
+    """Return whether strip flows with the stress by a law of flow, and resists."""
     stress = law.yield_stress / 30.0 * points[None, :, None] * np.ones((1, 1, 3))
     internal = np.zeros((law.variables(1), *stress.shape[1:]))
 
@@ -1033,13 +1036,11 @@ def _flows(law: Any, points: Array) -> tuple[tuple[int, ...] | None, bool]:
         return law.rates(stress, internal, 1.0)
 
     path = np.full(stress.shape[1:], 0.01)
-    grown, normal = (np.asarray(x, dtype=float) for x in (law.resistance(path), law.normal(stress)))
-    for found, like in ((grown, path), (normal, stress)):
-        if found.shape != like.shape:
-            return found.shape, False
+    grown = shaped_like(path, law.resistance(path))
+    shaped_like(stress, law.normal(stress))
     flow = np.asarray(rates(stress, internal))[0]
     record(rates, stress, internal)
-    return None, bool(np.all(grown > 0.0) and np.all(flow * stress[0] > 0.0))
+    return bool(np.all(grown > 0.0) and np.all(flow * stress[0] > 0.0))
 
 
 def local_origin(points: Array) -> Array:

@@ -187,10 +187,9 @@ class Course:
         a, found = self.assembly, dict[str, Array]()
         if a.thread is None or a.closed or a.membrane is None or shape_of(a.strip) != "quad":
             return found
-        held = self._held(stage)
         for name in ENDS:
             excess = uneven_tension(a.strip, name, values)
-            if excess is not None and not self._holds_along(name, held.get(name, ())):
+            if excess is not None and not self._holds_along(name, self._held(stage)):
                 found[f"{name}.unevenness"] = excess
                 found[f"{name}.slack"] = -excess.min(keepdims=True)
         return found
@@ -233,7 +232,7 @@ class Course:
 
         The exit, if it alone is held along the strip, else the entry.
         """
-        entry, exit = (self._holds_along(name, self._held().get(name, ())) for name in ENDS)
+        entry, exit = (self._holds_along(name, self._held()) for name in ENDS)
         edge = "exit" if exit and not entry else "entry"
         return edge, self._along(edge), entry or exit
 
@@ -418,7 +417,7 @@ class Course:
             if roller.name in stage.moves:
                 end[f"{key}.centre"] = np.array(roller.centre) + stage.moves[roller.name]
         end |= {key: np.array(to, dtype=float) for key, to in plain.items() if to is not None}
-        held = (self._holds_along(name, self._held().get(name, ())) for name in ENDS)
+        held = (self._holds_along(name, self._held()) for name in ENDS)
         if (growth := self.assembly.growth) is not None and not all(held):
             centres = {r.name: end[f"rollers.{r.name}.centre"] for r in growth.rollers}
             given = self.assembly.loads_of(stage), stage.strip.temperature
@@ -433,13 +432,13 @@ class Course:
         held: dict[str, tuple[str, ...]]
         held = {name: spec.fixed for name, spec in edges.items() if name not in self.released}
         threading = stage is not None and stage.name == THREADING
-        if threading and self._holds_along("exit", held.get("exit", ())):
+        if threading and self._holds_along("exit", held):
             held["exit"] = tuple(c for c in held["exit"] if c == "y")
         return held
 
-    def _holds_along(self, name: str, components: tuple[str, ...]) -> bool:
+    def _holds_along(self, name: str, held: Mapping[str, tuple[str, ...]]) -> bool:
         """Whether components that are held at an end hold it along the strip, not guide it."""
-        return "xyz"[int(np.abs(self._directions[name]).argmax())] in components
+        return "xyz"[int(np.abs(self._directions[name]).argmax())] in held.get(name, ())
 
     def _destination(self, stage: StageSpec, name: str) -> Array:
         now = self.moved.get(name, np.zeros(3))
