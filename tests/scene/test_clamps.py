@@ -103,6 +103,21 @@ def test_slope_stays_where_the_jaws_are_moved_until_they_let_go() -> None:
     assert lowest(state)[2] == pytest.approx(0.1 - sunk, rel=1e-4)
 
 
+def test_heated_strip_between_jaws_bifurcates_as_a_column() -> None:
+    """Strain of Euler's column with clamped ends: π² t²/3 L²."""
+    strip = {"length": 0.5, "width": 0.1, "cells": [8, 2]}
+    heat = {"name": "heat", "strip": {"temperature": 2.0}}
+    given = {
+        "strip": {"thickness": THICKNESS, **strip}, "edges": {"entry": JAWS, "exit": JAWS},
+        "material": {"young": YOUNG, "poisson": 0.0, "expansion": 1.2e-5}, "stages": [heat],
+    }  # fmt: skip
+    run = Run(Scene.model_validate(given))
+    list(run)
+    (found,) = [told["time"] for told in run.wrinkles if told["kind"] == "bifurcation"]
+    strain = np.pi**2 * THICKNESS**2 / 3.0 / 0.5**2
+    assert 1.2e-5 * 2.0 * found == pytest.approx(strain, rel=2e-3)
+
+
 @pytest.mark.parametrize(
     ("tables", "key"),
     [
