@@ -35,7 +35,7 @@ from anmstrip.mechanics.shell import eigenstrain
 from anmstrip.results.rollers import ContactState
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec, StageSpec
-from anmstrip.scene.tables import THREADING
+from anmstrip.scene.tables import ENDS, THREADING
 from anmstrip.simulation.meshing import LAYER_SHARE, Nip
 from anmstrip.simulation.problem import Assembly, cheapest_order, size_of
 from anmstrip.simulation.stages import Course
@@ -378,8 +378,21 @@ def slack(failure: Failure) -> str | None:
     else:
         return None
     crooked = next(physics.slack_edge(seen), "")
-    cure = uneven_heat(failure, -least[worst]) or as_sentence(crooked) or more_tension(failure)
-    return f"The strip is {found}. {cure}"
+    cure = uneven_heat(failure, -least[worst]) or clamped_ends(failure, mean[0, 0, worst])
+    return f"The strip is {found}. {cure or as_sentence(crooked) or more_tension(failure)}"
+
+
+def clamped_ends(failure: Failure, pull: float) -> str | None:
+    """Ends that hold a shell in y and press it across where it is pulled along (N/m)."""
+    ends = failure.scene.edges.items()
+    held = [f"the {name}" for name, edge in ends if name in ENDS and "y" in edge.fixed]
+    if not held or pull <= 0.0:
+        return None
+    return (
+        f"It is pulled by {pull:.3g} N/m there, and may not contract at {' and '.join(held)}, held "
+        "in y: the harder the pull, the more that presses it. "
+        f"Try a smaller pull in stage {failure.stage.name}."
+    )
 
 
 def uneven_heat(failure: Failure, pressed: float) -> str | None:
