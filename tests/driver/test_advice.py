@@ -23,7 +23,7 @@ from anmstrip.advice.preview import Preview
 from anmstrip.advice.units import other_units
 from anmstrip.advice.warnings import OTHER_RULES, SERIOUS_RULES, warnings
 from anmstrip.driver.run import Run
-from anmstrip.driver.scene import Scene
+from anmstrip.driver.scene import RefinedRun, Scene
 from anmstrip.simulation import march
 from anmstrip.simulation.problem import Assembly
 from pinch_rolls import DRAWN
@@ -429,6 +429,24 @@ HEAVY = {"name": "heavy", "duration": 1.0, "friction": False, "gravity": [0.0, 0
 
 PULLED = changed(("stages.1.entry.tension", 1e6), ("stages.1.exit.tension", 1e6))
 
+LOOP: dict[str, Any] = {
+    "strip": {"kinematics": "section", "width": 1.0, "thickness": 1e-3, "finer": 2.0},
+    "material": {"young": 2.1e11, "poisson": 0.3, "density": 7850.0},
+    "friction": {"coefficient": 0.3},
+    "threading": {"tension": 1e3, "entry": [-1.5, 0.0, 0.0], "exit": [7.5, 0.0, 0.0]},
+    "rollers": [
+        {"name": "a", "radius": 0.5, "centre": [0.0, 0.0, -0.5], "wrap": "over"},
+        {"name": "b", "radius": 0.5, "centre": [6.0, 0.0, -0.5], "wrap": "over"},
+    ],
+    "edges": {"exit": {"fixed": ["z"]}},
+    "stages": [{
+        "name": "run", "steady": True, "gravity": [0.0, 0.0, -9.81],
+        "entry": {"tension": 400.0}, "exit": {"tension": 400.0},
+        "rollers": {"a": {"surface_speed": 0.5}, "b": {"surface_speed": 0.5}},
+    }],
+}  # fmt: skip
+"""Strip that hangs through between two rollers, each of which it touches along a line."""
+
 STOPS: dict[str, tuple[dict[str, Any], str, list[str]]] = {
     "too_many_steps": (
         merged(TURNING, solver={"tolerance": 1e-4, "max_tangents": 20}), "the allowed number", [],
@@ -472,6 +490,7 @@ STOPS: dict[str, tuple[dict[str, Any], str, list[str]]] = {
         merged(SHORT, friction={"coefficient": 0.3, "speed": 1e-15, "law": "tanh"}),
         "Friction turns round", [],
     ),
+    "sharp_friction": (LOOP, "there is a stationary state at the end of the stage", []),
     "low_order": (
         merged(SHORT, solver={"order": 2, "tolerance": 1e-6, "max_tangents": 300}),
         "Series of order 2 are short", [],
@@ -552,6 +571,16 @@ def test_an_idler_that_bent_strip_does_not_touch_stands_still_and_is_told(tmp_pa
     assert touched.surface_speed == pytest.approx(2.0, rel=1e-3) and touched.normal_force > 10.0
 
 
+def test_shorter_elements_do_not_blunt_friction() -> None:
+    """They were halved for more than five minutes, on a path that friction stops on all of them."""
+    run = Scene.from_tables(merged(LOOP, strip={"refined": "auto"}), "loop.toml").run()
+    assert isinstance(run, RefinedRun)
+    for _ in run:
+        pass
+    assert len(run.passes) == 1
+    assert "Try --set friction.speed=" in run.message
+
+
 SUPPORTED = merged(
     BRIDLE,
     strip={"width": 1.3, "thickness": 5e-4},
@@ -608,6 +637,16 @@ def test_weight_is_put_on_before_strip_runs(tables: dict[str, Any], name: str, d
     assert all(s.controls["gravity"][2] == -9.81 for s in states if s.plan.steady)
     assert run.state.rollers[name].torque == pytest.approx(-drag, rel=0.02)
     assert run.state.rollers[name].max_slip < 1e-4
+
+
+@pytest.mark.slow
+def test_a_loop_on_short_elements_hangs_before_it_runs() -> None:
+    """That takes 220 states; given up after 200, the run took 927 tangents."""
+    settings = ["strip.finer=4", "friction.speed=1.3e-7", "solver.max_tangents=500"]
+    run = Run(Scene.from_tables(LOOP, "loop.toml", settings))
+    states = [step.state for step in run]
+    assert run.outcome.done, run.message
+    assert all(s.controls["gravity"][2] == -9.81 for s in states if s.plan.steady)
 
 
 @pytest.mark.slow
@@ -742,6 +781,7 @@ ELSEWHERE = {
     "_read": "of a map, in test_operating_map.py",
     "beside_rollers": "of a state beside its rollers, in test_steady.py",
     "uneven_heat": "test_diagnosis.py",
+    "clamped_ends": "test_diagnosis.py",
     "sinking_exit": "test_forewarnings.py",
     "uneven_fibres": "test_forewarnings.py",
     "loose_fibres": "test_forewarnings.py",

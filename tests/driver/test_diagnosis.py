@@ -124,6 +124,23 @@ def all_messages() -> Iterator[str]:
     yield free_in("z")
 
 
+def test_strip_that_clamps_press_across_is_not_told_to_be_pulled_harder() -> None:
+    clamped = {"fixed": ["x", "y", "z"]}
+    pull = {"name": "pull", "exit": {"move": [0.06, 0.0, 0.0]}}
+    run = Scene.model_validate({
+        "strip": {"length": 0.4, "width": 0.16, "thickness": 1e-4},
+        "material": {"young": 3.5e6, "poisson": 0.49},
+        "edges": {"entry": clamped, "exit": clamped},
+        "stages": [pull],
+    }).run()  # fmt: skip
+    for _ in run:
+        pass
+    message = told(run, stalled())
+    assert "and buckles. It is pulled by" in message
+    assert "may not contract at the entry and the exit, held in y" in message
+    assert message.endswith("Try a smaller pull in stage pull.")
+
+
 def free_in(component: str) -> str:
     held = [c for c in "xz" if c != component]
     run = scene(edges={"entry": {"fixed": held}}, stages=[TENSION]).run()

@@ -36,7 +36,7 @@ from anmstrip.mechanics.roller import placed
 from anmstrip.mechanics.shell import eigenstrain
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec, StageSpec
-from anmstrip.scene.tables import THREADING
+from anmstrip.scene.tables import ENDS, THREADING
 from anmstrip.simulation.defaults import typed_tensions
 from anmstrip.simulation.meshing import LAYER_SHARE, Nip
 from anmstrip.simulation.problem import Assembly, cheapest_order, size_of
@@ -54,6 +54,9 @@ SHARP_ONSET = 1e-3
 
 STIFF_LAYER = 2.0
 """Boundary layer √(D/T) over a radius from which on strip does not follow its thread."""
+
+WIDER_FRICTION = 2.0
+"""V_c that is proposed, over the least with which a stationary state was found."""
 
 USUAL_STEP, TURNING_SPEEDS = 0.01, 1e3
 """A usual step over the duration of a stage; speeds from which on friction is seen to turn."""
@@ -370,8 +373,20 @@ def slack(failure: Failure) -> str | None:
     else:
         return None
     crooked = next(physics.slack_edge(seen), "")
-    cure = uneven_heat(failure, -least[worst]) or as_sentence(crooked) or more_tension(failure)
-    return f"The strip is {found}. {cure}"
+    cure = uneven_heat(failure, -least[worst]) or clamped_ends(failure, mean[0, 0, worst])
+    return f"The strip is {found}. {cure or as_sentence(crooked) or more_tension(failure)}"
+
+
+def clamped_ends(failure: Failure, pull: float) -> str | None:
+    """Ends that hold a shell in y and press it across where it is pulled along (N/m)."""
+    held = [f"the {name}" for name in ENDS if name in failure.scene.held_in("y")]
+    if not held or pull <= 0.0:
+        return None
+    return (
+        f"It is pulled by {pull:.3g} N/m there, and may not contract at {' and '.join(held)}, held "
+        "in y: the harder the pull, the more that presses it. "
+        f"Try a smaller pull in stage {failure.stage.name}."
+    )
 
 
 def uneven_heat(failure: Failure, pressed: float) -> str | None:
@@ -478,6 +493,20 @@ def stiff_friction(failure: Failure) -> str | None:
     )
 
 
+def sharp_friction(failure: Failure) -> str | None:
+    """A steady stage whose end a larger V_c has, but friction cannot be as sharp as it is there."""
+    width, friction = failure.stopped.width, failure.scene.friction
+    law = failure.assembly.law_of_slip(failure.stage)
+    if width is None or friction is None or law is None or law.growth:
+        return None
+    reached, key = width * law.speed, "speed" if law.speed == friction.speed else "speed_at_rest"
+    return (
+        f"Friction turns round within V_c = {law.speed:.2g} m/s, and within {reached:.2g} m/s "
+        f"there is a stationary state at the end of the stage. "
+        f"Try --set friction.{key}={WIDER_FRICTION * reached:.2g}"
+    )
+
+
 def low_order(failure: Failure) -> str | None:
     """Series of few terms, asked for: their steps may shrink where those of more do not."""
     given, assembly = failure.scene.solver.order, failure.assembly
@@ -521,6 +550,6 @@ def asked_too_much(failure: Failure) -> str:
 CAUSES: tuple[Callable[[Failure], str | None], ...] = (
     too_many_steps, too_large, slides_away, turns_through, not_held, squeezed, forewarned,
     stiff_strip, profiled, slack, round_off, free_motion, sharp_contact, stiff_friction,
-    low_order, nothing_grips, coarse, asked_too_much,
+    sharp_friction, low_order, nothing_grips, coarse, asked_too_much,
 )  # fmt: skip
 """Likely causes, the surest first; the last one always has words."""

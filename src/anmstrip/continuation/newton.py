@@ -156,6 +156,7 @@ def solve_by_narrowing(
     solver: LinearSolver,
     tolerance: float,
     cost: Cost,
+    stalled: PathStopped | None = None,
 ) -> Corrected | None:
     """The state at λ = 1 by way of smoother laws, None if they do not lead there.
 
@@ -174,6 +175,8 @@ def solve_by_narrowing(
         Leads from a state at a λ to the last step of a path to λ = 1.
     tolerance : float
         Imbalance of the state.
+    stalled : PathStopped, optional
+        Why the given laws do not lead there; it is told with which ones the state was found.
     """
     laws = equations.smoother(WIDEST_FRICTION)
     if laws is None:
@@ -184,6 +187,8 @@ def solve_by_narrowing(
     except PathStopped as stopped:
         if stopped.outcome is Outcome.TOO_MANY_TANGENTS:
             raise
+        if stalled is not None and each is laws[1]:
+            stalled.width = WIDEST_FRICTION ** (1.0 - stopped.control)
         return None
     return Newton(equations, solver, Corrections(tolerance, least=1), cost).corrected(u, 1.0)
 

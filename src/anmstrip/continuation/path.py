@@ -202,11 +202,13 @@ NO_EVIDENCE = Evidence()
 class PathStopped(Exception):  # noqa: N818
     """A path ended before its target, at ``control``, for the reason ``outcome``.
 
-    ``detail`` says what else is known, ``evidence`` which unknowns show it, and ``farthest`` up to
-    which control the path has led, where that is known.
+    ``detail`` says what else is known, ``evidence`` which unknowns show it, ``farthest`` up to
+    which control the path has led, and ``width`` how many times as wide as the given ones corners
+    of laws are with which the target was reached, where that is known.
     """
 
     farthest: float | None = None
+    width: float | None = None
 
     def __init__(
         self, outcome: Outcome, control: float, detail: str = "", evidence: Evidence = NO_EVIDENCE

@@ -268,6 +268,7 @@ class Run:
         self.flow = MeanFlow()
         self.state: State | None = None
         self.outcome, self.message = Outcome.NOT_ENDED, "The run has not ended."
+        self.stopped: PathStopped | None = None
         self.warnings: list[str] = []
         self.flatness: dict[str, float] = {}
         self._forewarnings: list[str] | None = None
@@ -345,7 +346,7 @@ class Run:
             reached, size = self.march.reached or 0.0, f"{self.assembly.unknowns} unknowns"
             too_large = PathStopped(Outcome.TOO_LARGE, reached, size)
             stopped = error if isinstance(error, PathStopped) else too_large
-            self.outcome = stopped.outcome
+            self.outcome, self.stopped = stopped.outcome, stopped
             stage = course[min(self.first_stage, len(course) - 1)]
             state = self.march.here(self.march.course.plan(stage, {}))
             goes_on = self.recorder is not None and not self.estimates

@@ -228,7 +228,7 @@ class RefinedRun(Run):
     It ends where the mesh's part of the error of tensions is below ``solver.mesh_tolerance`` and no
     wrinkles are told that may come from the mesh alone, or where half the length would take more
     than :data:`~anmstrip.simulation.problem.MAX_HALVED_UNKNOWNS`.  A path that stops is followed
-    again too, as long as the mesh may be what stopped it.
+    again too, as long as the mesh may be what stopped it, and not the sharpness of friction.
 
     Attributes
     ----------
@@ -254,6 +254,7 @@ class RefinedRun(Run):
             }
             self.passes += (told,)
             spent = self.outcome in (Outcome.TOO_MANY_STEPS, Outcome.TOO_MANY_TANGENTS)
+            spent |= self.stopped is not None and self.stopped.width is not None
             if self.fine_enough or spent or not self.assembly.can_halve:
                 self.message += self.words()
                 self._finish()
