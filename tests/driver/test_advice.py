@@ -771,6 +771,7 @@ ELSEWHERE = {
     "proposed_keys": "reads what others propose",
     "spinning_rollers": "of what a last state shows",
     "buckled_section": "of what a last state shows",
+    "bowed_instead": "of buckled_section, in test_imperfection.py and test_clamps.py",
     "held_across": "test_reported_plasticity.py",
     "overstretched": "of what a last state shows",
     "guessed_rate": "test_reported_plasticity.py",

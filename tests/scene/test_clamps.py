@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_bvp
 
+from anmstrip.advice.warnings import buckled_section
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
@@ -116,6 +118,81 @@ def test_heated_strip_between_jaws_bifurcates_as_a_column() -> None:
     (found,) = [told["time"] for told in run.wrinkles if told["kind"] == "bifurcation"]
     strain = np.pi**2 * THICKNESS**2 / 3.0 / 0.5**2
     assert 1.2e-5 * 2.0 * found == pytest.approx(strain, rel=2e-3)
+
+
+def test_elements_beside_a_jaw_follow_the_moment_of_pulled_strip() -> None:
+    """M = F √(D/T) tanh(L √(T/D)) where T pulls and F bends: elements of L/20 gave a third less."""
+    pull, push = 1e4, 1e2
+    load = {"name": "load", "exit": {"force": [pull, 0.0, push]}}
+    strip = {"kinematics": "section", "length": 1.0, "width": 0.1}
+    state = solved([load], {"entry": {"fixed": ["x", "z"], "clamped": True}}, strip=strip)
+    moment = push * np.sqrt(STIFFNESS / pull)
+    assert abs(state.along("moment")[0]) == pytest.approx(moment, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("exit_held", "force", "told"),
+    [
+        (["x", "z"], 3.5, ""), (["x", "z"], 4.5, "imperfection"),
+        (["x"], 0.9, ""), (["x"], 1.1, "imperfection"),
+    ],
+)  # fmt: skip
+def test_straight_strip_between_jaws_is_told_that_it_has_buckled(
+    exit_held: list[str], force: float, told: str
+) -> None:
+    """Beyond 4 π² D/L², or π² D/L² where one jaw gives way across."""
+    way = -force * np.pi**2 * STIFFNESS / (YOUNG * THICKNESS)
+    close = {"name": "close", "exit": {"move": [way, 0.0, 0.0]}}
+    edges = {"entry": JAWS | {"fixed": ["x", "z"]}, "exit": JAWS | {"fixed": exit_held}}
+    strip = {"thickness": THICKNESS, "kinematics": "section", "length": 1.0, "width": 0.1}
+    material = {"young": YOUNG, "poisson": 0.0}
+    given = {"strip": strip, "material": material, "edges": edges, "stages": [close]}
+    run = Run(Scene.model_validate(given))
+    *_, last = run
+    found = buckled_section(last.state, run.scene)
+    assert [told in words for words in found] == [True] * bool(told)
+
+
+def test_strip_pushed_against_a_jaw_is_a_column_with_a_free_end() -> None:
+    """π² D/4L²; it was told to turn freely about its jaw."""
+    found = []
+    for share in (0.9, 1.1):
+        push = [-share * np.pi**2 * STIFFNESS / 4.0, 0.0, 0.0]
+        given = {
+            "strip": {"thickness": THICKNESS, "kinematics": "section", "length": 1.0, "width": 0.1},
+            "material": {"young": YOUNG, "poisson": 0.0},
+            "edges": {"entry": {"fixed": ["x", "z"], "clamped": True}},
+            "stages": [{"name": "push", "exit": {"force": push}}],
+        }
+        run = Run(Scene.model_validate(given))
+        *_, last = run
+        told = buckled_section(last.state, run.scene)
+        found.append(["bears unbuckled" in words for words in told])
+    assert found == [[], [True]]
+
+
+def test_jaws_that_close_bow_the_strip_as_is_told_to_type() -> None:
+    """Thousands of bucklings: an imperfection grew with the stage, and came too late for the first.
+
+    An inextensible column is then as high as 2 √(ΔL L)/π, but for ΔL/L, and bears ΔL/2L more.
+    """
+    given = {
+        "strip": {"thickness": THICKNESS, "kinematics": "section", "length": 1.0, "width": 0.1},
+        "material": {"young": YOUNG, "poisson": 0.0},
+        "edges": dict.fromkeys(("entry", "exit"), JAWS | {"fixed": ["x", "z"]}),
+        "stages": [{"name": "close", "exit": {"move": [-0.01, 0.0, 0.0]}}],
+    }
+    straight = Run(Scene.from_tables(given, "jaws.toml"))
+    *_, last = straight
+    (words,) = buckled_section(last.state, straight.scene)
+    typed = [each.strip("'") for each in re.findall(r"--set (\S+)", words)]
+    run = Run(Scene.from_tables(given, "jaws.toml", typed))
+    *_, last = run
+    assert run.outcome.done and run.cost.expansions <= 30
+    assert not list(buckled_section(last.state, run.scene))
+    assert np.abs(last.state.along("z")).max() == pytest.approx(0.2 / np.pi, rel=0.01)
+    force = 4.0 * np.pi**2 * STIFFNESS * (1.0 + 0.5 * 0.01)
+    assert -last.state.tension("entry") == pytest.approx(force, rel=2e-3)
 
 
 @pytest.mark.parametrize(

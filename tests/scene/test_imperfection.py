@@ -97,7 +97,7 @@ def test_compression_far_from_buckling_is_refused(monkeypatch):
 @pytest.mark.parametrize(
     ("others", "words"),
     [
-        ({"kinematics": "section"}, "others do not wrinkle"),
+        ({"kinematics": "plate"}, '"shell" or "section" with'),
         ({"bending": False}, "without bending does nothing"),
         ({"feed": True}, "fresh strip is flat"),
         ({"imperfection": {"amplitude": 0.0}}, "strip.imperfection.amplitude"),

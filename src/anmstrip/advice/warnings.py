@@ -473,11 +473,17 @@ MIN_TOLERANCE = 1e-9
 """Tolerance that is proposed at least: below it digits of positions are lost."""
 
 
+SECOND_BETWEEN_JAWS = 8.183
+"""Of Euler's π² D/L²: of the second mode of a column between jaws, beyond the bow that it has."""
+
+
 def buckled_section(state: State, scene: SceneSpec) -> Iterator[str]:
     """Free spans of a section that are pressed by more than they bear.
 
-    Bowed ones by more than they bear if their ends are clamped: what bows them may carry them.
-    Strip that turns freely about one end and is free at the other bears nothing.
+    Bowed ones by more than they bear if their ends are clamped, or in the second mode if they are:
+    what bows them may carry them.
+    Strip that turns freely about one end and is free at the other bears nothing; where one of two
+    jaws gives way across a quarter of what it bears between both, with one jaw a sixteenth.
     Nothing bends a straight strip on its path beyond the load at which it buckles; what is proposed
     is a curvature 0.8 t/L², by which a span is a tenth of its thickness high: with one thickness it
     bears a third less where it has not buckled far, and with some hundredths, or where imbalances
@@ -490,11 +496,13 @@ def buckled_section(state: State, scene: SceneSpec) -> Iterator[str]:
     arcs = sorted(contact.arc for contact in state.touched.values())
     places, forces = quadrature_points(strip)[0], state.membrane_forces[0, 0]
     loose = [name for name in ENDS if name not in scene.held_in("z")]
-    turns = loose and not arcs and scene.threading is None
+    clamped = jaws(scene)
+    alone = bool(loose) and not arcs and scene.threading is None
     for (_, start), (stop, _) in pairwise([(begin, begin), *arcs, (end, end)]):
         within = (start <= places) & (places <= stop)
         pressed = -float(forces[within].mean()) if within.any() else 0.0
-        if turns and pressed * (stop - start) ** 2 > SLACK_END * strip.bending_stiffness:
+        thrust = pressed * (stop - start) ** 2 / strip.bending_stiffness
+        if alone and not clamped and thrust > SLACK_END:
             yield (
                 f"the strip is pressed by {pressed:.3g} N/m, and nothing holds its "
                 f"{' and '.join(loose)} across: it turns freely, and this state is not stable."
@@ -502,26 +510,54 @@ def buckled_section(state: State, scene: SceneSpec) -> Iterator[str]:
             continue
         slopes = state.slope(np.linspace(start, stop, 9))
         ways = slopes / np.linalg.norm(slopes, axis=1, keepdims=True)
-        bowed = np.ptp(ways, axis=0).max() > STRAIGHT_SLOPE
-        factor = COLUMN_FACTORS[0 if bowed else (start == begin) + (stop == end)]
-        if pressed * (stop - start) ** 2 <= factor * np.pi**2 * strip.bending_stiffness:
+        if np.ptp(ways, axis=0).max() > STRAIGHT_SLOPE:
+            factor = SECOND_BETWEEN_JAWS if len(clamped) == len(ENDS) else COLUMN_FACTORS[0]
+        elif alone:  # half of a column between jaws, or a quarter
+            factor = COLUMN_FACTORS[0] / (4.0 if len(clamped) == len(ENDS) else 16.0)
+        else:
+            free = {"entry": start == begin, "exit": stop == end}
+            factor = COLUMN_FACTORS[sum(free[name] and name not in clamped for name in ENDS)]
+        if thrust <= factor * np.pi**2:
             continue
         told = (
             f"the strip is pressed by {pressed:.3g} N/m over {stop - start:.3g} m, more than it "
             "bears unbuckled: this state is not stable"
         )
         if state.plasticity is None:  # else pulled strip may have lost what it was bent by
-            curved = 0.8 * given.thickness / (stop - start) ** 2
-            straight = abs(given.coil_set or 0.0) < 0.5 * curved
-            settings = [f"strip.coil_set={curved:.1g}"] if straight else []
-            euler = np.pi**2 * strip.bending_stiffness / (stop - start) ** 2
-            finer = BUCKLING_DIGITS * euler / state.plan.model.scales.tension
-            if MIN_TOLERANCE < finer < scene.solver.tolerance:
-                settings.append(f"solver.tolerance=1e{np.floor(np.log10(finer)):.0f}")
-            if settings:
-                words = "is not quite straight" if straight else "is solved finer"
-                told += f". Try a strip that {words}, --set {' --set '.join(settings)}"
+            told += bowed_instead(state, scene, stop - start)
         yield told
+
+
+def jaws(scene: SceneSpec) -> list[str]:
+    """Return the ends that are clamped."""
+    return [name for name in ENDS if name in scene.edges and scene.edges[name].clamped]
+
+
+def bowed_instead(state: State, scene: SceneSpec, length: float) -> str:
+    """Return what to type so that a straight span of a section buckles smoothly, or nothing.
+
+    A coil set makes moments, but no bow, between two jaws: there it is the mode itself, which needs
+    a first stage that presses the strip.
+    """
+    strip, given = state.plan.model.strip, scene.strip
+    tolerance, settings = scene.solver.tolerance, list[str]()
+    curved = 0.8 * given.thickness / length**2
+    straight = given.imperfection is None and abs(given.coil_set or 0.0) < 0.5 * curved
+    if straight and len(jaws(scene)) == len(ENDS):
+        if state.plan.name != scene.stages[0].name:
+            return ""
+        bow = f"mode=1,amplitude={0.1 * given.thickness:.2g}"
+        settings, tolerance = [f"'strip.imperfection={{{bow}}}'"], min(tolerance, 1e-6)
+    elif straight:
+        settings = [f"strip.coil_set={curved:.1g}"]
+    euler = np.pi**2 * strip.bending_stiffness / length**2
+    finer = BUCKLING_DIGITS * euler / state.plan.model.scales.tension
+    if MIN_TOLERANCE < finer < tolerance:
+        settings.append(f"solver.tolerance=1e{np.floor(np.log10(finer)):.0f}")
+    if not settings:
+        return ""
+    words = "is not quite straight" if straight else "is solved finer"
+    return f". Try a strip that {words}, --set {' --set '.join(settings)}"
 
 
 def slides(contact: ContactState) -> bool:

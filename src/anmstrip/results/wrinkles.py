@@ -24,6 +24,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
 from anmstrip.arrays import Array
 from anmstrip.continuation.path import Cost
 from anmstrip.equilibrium import Equilibrium, StageProblem
+from anmstrip.fem.geometry import normal_vector
 from anmstrip.fem.operators import Blocks, CellOperator, Pattern
 from anmstrip.fem.sampling import l2_projection, quadrature_points, shape_of
 from anmstrip.fem.strip import Strip
@@ -516,10 +517,10 @@ def mode_heights(state: State, mode: Array) -> Array:
     strip, change = state.plan.model.strip, state.plan.supports.change(mode, 0.0)
     operator = CellOperator(strip, (0, 1))
     tangents = operator.apply(state.full)[:, 1:] + strip.kinematics.flat
-    normal = np.cross(tangents[:, 0], tangents[:, 1], axis=0)
+    normal = normal_vector(tangents)
     normal /= np.linalg.norm(normal, axis=0)
     height = np.einsum("ip,ip->p", normal, operator.apply(change)[:, 0])
-    lifted = np.zeros_like(normal)
+    lifted = np.zeros((3, len(height)))
     lifted[2] = height / height[np.abs(height).argmax()]
     return l2_projection(strip, state.plan.model.pattern, lifted)
 

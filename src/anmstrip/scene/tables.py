@@ -295,8 +295,8 @@ class StripSpec(NaturalShape):
         if self.imperfection is None:
             return
         bent = "with an imperfection"
-        if self.kinematics != "shell":
-            expected, hint = f'"shell" {bent}: others do not wrinkle', 'kinematics = "shell"'
+        if self.kinematics == "plate":
+            expected, hint = f'"shell" or "section" {bent}', 'kinematics = "shell"'
             yield Mistake("", "kinematics", self.kinematics, expected, hint)
         if not self.bending:
             expected = f"true {bent}, which without bending does nothing"

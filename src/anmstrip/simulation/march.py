@@ -447,6 +447,8 @@ class March:
                 begin = pulled.controls.at(0.0)
                 u = uniform_stretch(self.assembly, pulled.pull_at_exit(0.0), begin)[free]
                 found = self._corrected(equations, u)
+        elif self.assembly.imperfection is not None and not np.any(self.full):
+            found = self._corrected(equations, self.assembly.imperfection[free])
         elif self._lies_flat(plan):
             holds = held_ends(self.scene)
             if len(holds) < len(ENDS):  # it lengthens without stress

@@ -20,7 +20,7 @@ from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError, supported_catenary
 from anmstrip.scene.checks import PARALLEL_COSINE
 from anmstrip.scene.schema import SceneSpec
-from anmstrip.scene.tables import RollerControl, StageSpec
+from anmstrip.scene.tables import ENDS, RollerControl, StageSpec
 from anmstrip.simulation.defaults import (
     bending_stiffness,
     boundary_layer,
@@ -275,13 +275,12 @@ class Layout:
             zones += [Zone(float(lo), float(hi), size) for lo, hi in zip(first, last, strict=True)]
             arc = min(2.0 * size, max(size, ARC_ELEMENT * roller.radius))
             zones.append(Zone(float(lifts.min()), float(lifts.max()), arc))
-        ends = [edge for stage in scene.stages for edge in stage.edges.values()]
-        curved = any(shape.coil_set for shape in scene.shapes) or any(edge.moment for edge in ends)
-        curved = curved or scene.strip.foundation is not None
-        if curved and (layer := boundary_layer(scene)):  # strip curves beside its ends
+        ends = curved_ends(scene)
+        if ends and (layer := boundary_layer(scene)):
             size = scene.strip.element_length or 0.5 * LAYER_SHARE * layer
             near = fine_beside(layer, size) - self.half
-            zones += [Zone(-self.half, near, size), Zone(-near, self.half, size)]
+            sides = {"entry": Zone(-self.half, near, size), "exit": Zone(-near, self.half, size)}
+            zones += [sides[name] for name in ends]
         return zones
 
     def chosen(self, cells: tuple[int, int]) -> Array:
@@ -684,6 +683,24 @@ def rollers_in_stages(
             centre = np.add(roller.centre, stage.moves[roller.name])
             places[roller.name] = replace(roller, centre=tuple(centre))
         yield tuple(places.values()) if stage.moves else None
+
+
+def curved_ends(scene: SceneSpec) -> tuple[str, ...]:
+    """Return the ends beside which strip curves within its boundary layer.
+
+    Both by a coil set, a moment or a foundation; those between jaws by what bends the strip.
+    """
+    controls = [edge for stage in scene.stages for edge in stage.edges.values()]
+    curved = any(shape.coil_set for shape in scene.shapes) or any(edge.moment for edge in controls)
+    if curved or scene.strip.foundation is not None:
+        return ENDS
+    across = any(
+        way[2] for edge in controls for way in (edge.move, edge.force, edge.velocity) if way
+    )
+    loaded = any(stage.pressure or stage.gravity for stage in scene.stages)
+    if not (scene.rollers or across or loaded):
+        return ()
+    return tuple(name for name in ENDS if name in scene.edges and scene.edges[name].clamped)
 
 
 def fine_beside(layer: float, size: float) -> float:
