@@ -427,6 +427,14 @@ PRESS = {"name": "press", "duration": 1.0, "friction": False,
          "rollers": {"r2": {"move": [0.0, 0.0, -0.02]}}}  # fmt: skip
 HEAVY = {"name": "heavy", "duration": 1.0, "friction": False, "gravity": [0.0, 0.0, -9.81]}
 
+BOWED = {  # by heat between jaws, of which one then opens: it snaps
+    "strip": {"kinematics": "section", "length": 1.0, "width": 0.2, "thickness": 1e-3,
+              "imperfection": {"mode": 1, "amplitude": 1e-4}},
+    "material": {"young": 2e11, "poisson": 0.3, "expansion": 1.2e-5},
+    "edges": {name: {"fixed": ["x", "z"], "clamped": True} for name in ("entry", "exit")},
+    "stages": [{"name": "heat", "strip": {"temperature": 20.0}},
+               {"name": "let_go", "exit": {"release": True}}],
+}  # fmt: skip
 PULLED = changed(("stages.1.entry.tension", 1e6), ("stages.1.exit.tension", 1e6))
 
 LOOP: dict[str, Any] = {
@@ -481,6 +489,10 @@ STOPS: dict[str, tuple[dict[str, Any], str, list[str]]] = {
         merged(SHORT, strip={"refined": 0.25, "coil_set": 1e-9}, edges=HELD, stages=[PUSH],
                rollers=[], solver={"max_tangents": 12}),
         "Try a larger x in stages.push.exit.move.", ["stages.push.exit.move=[0.01, 0.0, 0.0]"],
+    ),
+    "slack, let go": (
+        BOWED, "Try a larger x in stages.heat.exit.move, before",
+        ["stages.heat.exit.move=[2.399e-4, 0.0, 0.0]"],
     ),
     "sharp_contact": (
         merged(TURNING, contact={"onset": 1e-11}, solver={"tolerance": 1e-4}),

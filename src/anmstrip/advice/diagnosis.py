@@ -431,10 +431,20 @@ def more_tension(failure: Failure) -> str:
         larger = max(2.0, least / float(np.linalg.norm(force))) * force
         return f"Try --set 'stages.{stage}.exit.force={typed_vector(larger, '.4g')}'"
     if held is not None and "x" in held.fixed:
-        return f"Try a larger x in stages.{stage}.exit.move."
+        names = [each.name for each in scene.stages]
+        freed = [n for n, each in zip(names, scene.stages, strict=True) if exit_goes(each)]
+        if not freed or stage not in names[names.index(freed[0]) :]:
+            return f"Try a larger x in stages.{stage}.exit.move."
+        if before := names[: names.index(freed[0])]:
+            return f"Try a larger x in stages.{before[-1]}.exit.move, before the exit is let go."
     first = scene.stages[0]
     calm = f" --set stages.{first.name}.friction=false" * failure.assembly.frictional(first)
     return f"Try --set 'stages.{first.name}.exit.force=[{least:.3g}, 0.0, 0.0]'{calm}"
+
+
+def exit_goes(stage: StageSpec) -> bool:
+    """Whether a stage lets the exit go."""
+    return "exit" in stage.edges and stage.edges["exit"].release
 
 
 def free_motion(failure: Failure) -> str | None:
