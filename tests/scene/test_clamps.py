@@ -15,6 +15,7 @@ from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
 from anmstrip.results.state import State
+from anmstrip.results.wrinkles import free_spans
 
 MESHES = Path(__file__).parents[2] / "meshes"
 YOUNG, THICKNESS = 2.0e11, 1.0e-3
@@ -151,6 +152,20 @@ def test_straight_strip_between_jaws_is_told_that_it_has_buckled(
     *_, last = run
     found = buckled_section(last.state, run.scene)
     assert [told in words for words in found] == [True] * bool(told)
+
+
+@pytest.mark.parametrize("clamped", [True, False])
+def test_shell_between_jaws_bears_four_times_as_much(clamped: bool) -> None:
+    """It was told to be likely to wrinkle above π² D/L², as if it turned at its ends."""
+    jaws = {"fixed": ["x", "z"], "clamped": clamped}
+    entry = jaws | {"fixed": ["x", "y", "z"]}
+    way = -2.0 * np.pi**2 * STIFFNESS / (YOUNG * THICKNESS) / 0.5
+    close = {"name": "close", "exit": {"move": [way, 0.0, 0.0]}}
+    strip = {"length": 0.5, "width": 0.1, "cells": [8, 2]}
+    state = solved([close], {"entry": entry, "exit": jaws}, strip=strip)
+    (span,) = free_spans(state)
+    borne = (4.0 if clamped else 1.0) * np.pi**2 * STIFFNESS / 0.5**2
+    assert span.bearable == pytest.approx(borne, rel=1e-3)
 
 
 def test_strip_pushed_against_a_jaw_is_a_column_with_a_free_end() -> None:

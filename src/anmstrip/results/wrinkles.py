@@ -153,10 +153,20 @@ def free_spans(state: State) -> Iterator[Span]:
             wide = max(float(share), PEAK_SHARE) * strip.width
             part = band_compression(d, wide, edge=bool(edge))
         else:  # as a column: nothing holds it from beside, and no roller its slope at an end
-            turning = (before == "the entry") + (after == "the exit")
+            ends = {"entry": before == "the entry", "exit": after == "the exit"}
+            turning = sum(free and end_turns(state, name) for name, free in ends.items())
             borne = COLUMN_FACTORS[turning] * d * q**2
         pressed, mean = float(pressure.max()), float(means.max())
         yield Span(*place, pressed, mean, borne, float(share), inside, part, spacing)
+
+
+def end_turns(state: State, name: str) -> bool:
+    """Whether the strip may turn at an end, at which it is not clamped."""
+    strip = state.plan.model.strip
+    if name not in strip.edges:
+        return True
+    slopes = strip.edge_unknowns(name, (), [2], ())
+    return bool(np.isin(slopes, state.plan.supports.free).any())
 
 
 def compressed_parts(strip: Strip, low: Array, level: float, along: Array | None) -> Array:
