@@ -275,7 +275,16 @@ LAID_AND_PULLED = {
     "edges": {"entry": {"fixed": ["x"]}},
     "stages": [{"name": "lay", "gravity": [0.0, 0.0, -9.81], "exit": {"tension": 22258.0}}],
 }
+JAWS = {name: {"fixed": ["x", "z"], "clamped": True} for name in ("entry", "exit")}
+DRAWN_OUT = {
+    "strip": {"kinematics": "section", "length": 1.0, "width": 0.2, "thickness": 1e-3},
+    "material": {"young": 2e11, "poisson": 0.3},
+    "edges": JAWS,
+    "stages": [{"name": "draw", "exit": {"move": [1e-3, 0.0, 0.0]}},
+               {"name": "let_go", "exit": {"release": True}}],
+}  # fmt: skip
 MORE: list[tuple[dict[str, Any], str, list[str]]] = [
+    (DRAWN_OUT, "the strip does not spring back", []),
     (SLACK_BELT, "in stage run lengthens the strip by 0.00072 of its length", []),
     (HEATED, "in stage heat lengthens the strip by 0.00072 of its length", []),
     (PULLED_OFF, "comes off roller a in stage pull, as stages.pull.exit.force turns its exit", []),
@@ -431,7 +440,7 @@ BOWED = {  # by heat between jaws, of which one then opens: it snaps
     "strip": {"kinematics": "section", "length": 1.0, "width": 0.2, "thickness": 1e-3,
               "imperfection": {"mode": 1, "amplitude": 1e-4}},
     "material": {"young": 2e11, "poisson": 0.3, "expansion": 1.2e-5},
-    "edges": {name: {"fixed": ["x", "z"], "clamped": True} for name in ("entry", "exit")},
+    "edges": JAWS,
     "stages": [{"name": "heat", "strip": {"temperature": 20.0}},
                {"name": "let_go", "exit": {"release": True}}],
 }  # fmt: skip

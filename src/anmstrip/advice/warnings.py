@@ -34,6 +34,7 @@ from anmstrip.simulation.defaults import (
     fastest,
     held_ends,
     largest_force,
+    pulled_nowhere,
 )
 from anmstrip.simulation.meshing import (
     BYTES_PER_UNKNOWN,
@@ -604,6 +605,26 @@ def beside_rollers(state: State, scene: SceneSpec) -> Iterator[str]:
         )
 
 
+def keeps_its_load(preview: Preview) -> Iterator[str]:
+    """Stages that let an end go which moves have loaded, and no roller and no force: none unloads.
+
+    Beside rollers a line goes on under the load that an end has borne.
+    """
+    scene = preview.assembly.scene
+    if scene.rollers or pulled_nowhere(scene) or largest_force(scene):
+        return
+    for stage in scene.stages:
+        for name in ENDS:
+            edge = stage.edges.get(name)
+            if edge is None or not edge.release or edge.force or edge.tension is not None:
+                continue
+            yield (
+                f"stage {stage.name} lets the {name} go, and the force that has held it stays as "
+                "its load: the strip does not spring back. For strip that does, try --set "
+                f"'stages.{stage.name}.{name}.force=[0.0, 0.0, 0.0]'"
+            )
+
+
 def slack_end(preview: Preview) -> Iterator[str]:
     """Stages at whose end an end that was pulled no longer is, and bending does not hold it.
 
@@ -954,7 +975,7 @@ SERIOUS_RULES = (
 )  # fmt: skip
 OTHER_RULES = (
     free_motions, coarse_mesh, coarse_hinges, slipping_friction, growing_wraps, rates_of_labels,
-    needless_shell, pulled_twice, *physics.PHYSICS_RULES,
+    needless_shell, pulled_twice, keeps_its_load, *physics.PHYSICS_RULES,
 )  # fmt: skip
 RULES_AT_END = (
     lifted_off, undriven, standing_idlers, unbalanced_idlers, spinning_rollers, overstretched,
