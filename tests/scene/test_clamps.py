@@ -16,6 +16,7 @@ from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import free_spans
+from anmstrip.simulation.problem import Assembly
 
 MESHES = Path(__file__).parents[2] / "meshes"
 YOUNG, THICKNESS = 2.0e11, 1.0e-3
@@ -129,6 +130,20 @@ def test_elements_beside_a_jaw_follow_the_moment_of_pulled_strip() -> None:
     state = solved([load], {"entry": {"fixed": ["x", "z"], "clamped": True}}, strip=strip)
     moment = push * np.sqrt(STIFFNESS / pull)
     assert abs(state.along("moment")[0]) == pytest.approx(moment, rel=5e-3)
+
+
+def test_elements_beside_a_jaw_are_no_shorter_than_over_rollers() -> None:
+    """Film of which √(D/T)/8 is 1/600 of its roller had all others coarser for its jaws."""
+    given = {
+        "strip": {"thickness": 5e-5, "length": 0.5, "width": 0.2, "kinematics": "section"},
+        "material": {"young": 4e9, "poisson": 0.38},
+        "edges": dict.fromkeys(("entry", "exit"), JAWS | {"fixed": ["x", "z"]}),
+        "rollers": [{"name": "r", "radius": 0.03, "centre": [0.0, 0.0, 0.03]}],
+        "stages": [{"name": "press", "friction": False, "exit": {"move": [1e-3, 0.0, 0.0]},
+                    "rollers": {"r": {"move": [0.0, 0.0, -5e-3]}}}],
+    }  # fmt: skip
+    sizes = Assembly(Scene.from_tables(given, "film.toml")).strip.cell_sizes[0]
+    assert sizes.min() == pytest.approx(0.03 / 64.0, rel=0.1)
 
 
 @pytest.mark.parametrize(

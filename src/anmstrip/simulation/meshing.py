@@ -278,6 +278,9 @@ class Layout:
         ends = curved_ends(scene)
         if ends and (layer := boundary_layer(scene)):
             size = scene.strip.element_length or 0.5 * LAYER_SHARE * layer
+            if scene.strip.element_length is None and not curved_all_over(scene):
+                least = min((roller.radius for roller in self.rollers), default=0.0)
+                size = max(size, MIN_LIFT_ELEMENT * least)  # as over them
             near = fine_beside(layer, size) - self.half
             sides = {"entry": Zone(-self.half, near, size), "exit": Zone(-near, self.half, size)}
             zones += [sides[name] for name in ends]
@@ -685,15 +688,21 @@ def rollers_in_stages(
         yield tuple(places.values()) if stage.moves else None
 
 
+def curved_all_over(scene: SceneSpec) -> bool:
+    """Whether a coil set, a moment or a foundation curves the strip beside its ends."""
+    controls = [edge for stage in scene.stages for edge in stage.edges.values()]
+    curved = any(shape.coil_set for shape in scene.shapes) or any(edge.moment for edge in controls)
+    return curved or scene.strip.foundation is not None
+
+
 def curved_ends(scene: SceneSpec) -> tuple[str, ...]:
     """Return the ends beside which strip curves within its boundary layer.
 
     Both by a coil set, a moment or a foundation; those between jaws by what bends the strip.
     """
-    controls = [edge for stage in scene.stages for edge in stage.edges.values()]
-    curved = any(shape.coil_set for shape in scene.shapes) or any(edge.moment for edge in controls)
-    if curved or scene.strip.foundation is not None:
+    if curved_all_over(scene):
         return ENDS
+    controls = [edge for stage in scene.stages for edge in stage.edges.values()]
     across = any(
         way[2] for edge in controls for way in (edge.move, edge.force, edge.velocity) if way
     )
