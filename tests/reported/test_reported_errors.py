@@ -775,3 +775,18 @@ def test_errors_of_what_both_states_have_are_compared() -> None:
     for pair in ((here, truth), (truth, here)):
         found = pair[0].error(pair[1])
         assert found == pytest.approx({"tension": 0.5, "force": 0.2, "position": 0.0})
+
+
+def test_points_of_halves_are_found_in_elements_of_hundredths_of_a_millimetre() -> None:
+    """Far from the middle round-off of places is 1e-12 of such an element: the run broke off."""
+    tables = {
+        "strip": {"thickness": 5e-5, "length": 0.5, "width": 0.2, "refined": 5e-5},
+        "material": {"young": 4e9, "poisson": 0.38},
+        "edges": {name: {"fixed": ["x", "y", "z"]} for name in ("entry", "exit")},
+        "rollers": [{"radius": 0.003, "centre": [0.22, 0.0, 0.003]}],
+        "stages": [{"name": "draw", "friction": False, "exit": {"move": [1e-3, 0.0, 0.0]}}],
+    }
+    halves = budget.Halved.of(Assembly(Scene.from_tables(tables, "film.toml")))
+    parents, local = halves.children
+    places = halves.coarse.strip.basis.mapping.F(local, parents)
+    np.testing.assert_allclose(places, halves.strip.basis.global_coordinates(), atol=1e-15)

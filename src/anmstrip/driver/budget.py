@@ -596,7 +596,9 @@ class Halved(Assembly):
         old, points = self.coarse.strip, np.asarray(self.strip.basis.global_coordinates())
         numbers: Index = np.arange(points.shape[1])  # as scikit-fem numbers them
         parents = numbers // 2 if old.mesh.dim() == 1 else numbers % old.mesh.nelements
-        return parents, old.basis.mapping.invF(points, tind=parents)
+        mapping, middle = old.basis.mapping, np.full(points.shape, 0.5)
+        away = points - mapping.F(middle, parents)  # elements are mapped linearly
+        return parents, middle + np.einsum("ijkl,jkl->ikl", mapping.invDF(middle, parents), away)
 
     @cached_property
     def inherited(self) -> tuple[Array, Index]:
