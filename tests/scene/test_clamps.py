@@ -114,7 +114,7 @@ def test_slope_stays_where_the_jaws_are_moved_until_they_let_go() -> None:
 
 
 def test_the_moment_of_a_clamp_is_told(tmp_path: Path) -> None:
-    """In the summary and on the console; 1 N/m on an arm of 10 mm and of all but 2e-4 of that."""
+    """In the summary and on the console: of 1 N/m on an arm of 10 mm."""
     tables = {
         "strip": {"kinematics": "section", "length": 0.01, "width": 0.1, "thickness": THICKNESS},
         "material": {"young": YOUNG, "poisson": 0.3},
