@@ -56,6 +56,20 @@ class Mutant:
 
 STATE = (
     Mutant(
+        "moments of clamps on both sides of the strip alike",
+        "sense * own[dofs].sum()",
+        "own[dofs].sum()",
+        "summary",
+        "test_clamps.py",
+    ),
+    Mutant(
+        "clamps that turn",
+        "held[strip.edge_unknowns(name, (), [2], ())] = True",
+        "pass",
+        "summary",
+        "test_clamps.py",
+    ),
+    Mutant(
         "short arcs leave fibres as slack as long ones",
         "-np.expm1(-2.1 * arc",
         "-np.expm1(-21.0 * arc",

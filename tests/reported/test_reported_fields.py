@@ -311,13 +311,13 @@ def test_between_contact_points_gaps_are_linear(turning: Results) -> None:
     close(values[:, 0, 2], near_last, 1e-12)
 
 
-@pytest.mark.parametrize("name", ["turning", "shell", "plate", "lifted"])
+@pytest.mark.parametrize("name", ["turning", "shell", "plate"])
 def test_pressures_of_a_file_add_up_to_the_force(name: str, request: pytest.FixtureRequest) -> None:
     """As ParaView integrates them over the deformed strip; also where contact is short."""
     results: Results = request.getfixturevalue(name)
     whole = pyvista.read(results.states[-1][1]).integrate_data()
     force = sum(roller["normal_force"] for roller in results.summary["rollers"].values())
-    assert force > 0.1
+    assert force > 1.0
     assert float(whole["normal_pressure"][0]) == pytest.approx(force, rel=1e-3)
 
 

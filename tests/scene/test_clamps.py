@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import pytest
 from scipy.integrate import solve_bvp
 
 from anmstrip.advice.warnings import buckled_section
+from anmstrip.driver.explain import report
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
@@ -62,6 +64,8 @@ def test_cantilever_is_the_elastica() -> None:
     state = solved([load], {"entry": {"fixed": ["x", "z"], "clamped": True}}, strip=strip)
     along, down = elastica(4.0)
     assert lowest(state) == pytest.approx([along, -down], rel=5e-4)
+    arm = 1.0 + lowest(state)[0]  # of the force about the jaws; the upper side is stretched
+    assert state.clamp_moment("entry") == pytest.approx(4.0 * STIFFNESS * arm, rel=1e-4)
 
 
 def test_half_of_a_beam_ends_in_its_plane_of_symmetry() -> None:
@@ -71,6 +75,8 @@ def test_half_of_a_beam_ends_in_its_plane_of_symmetry() -> None:
     strip = {"kinematics": "section", "length": 0.5, "width": 0.1}
     state = solved([load], edges, strip=strip, solver={"tolerance": 1e-8})
     assert lowest(state)[1] == pytest.approx(-0.02 / (192.0 * STIFFNESS), rel=1e-3)
+    assert state.clamp_moment("entry") == pytest.approx(0.02 / 8.0, rel=1e-4)
+    assert state.clamp_moment("exit") == pytest.approx(-0.02 / 8.0, rel=1e-4)
 
 
 @pytest.mark.parametrize("kinematics", ["plate", "shell"])
@@ -83,6 +89,9 @@ def test_square_plate_between_jaws_all_round(kinematics: str) -> None:
     state = solved([press], edges, strip=strip, poisson=0.3, solver={"tolerance": 1e-6})
     plate = STIFFNESS / (1.0 - 0.3**2)
     assert lowest(state)[-1] == pytest.approx(-1.265e-3 * 0.01 / plate, rel=2e-3)
+    moments = [state.clamp_moment(name) for name in edges]
+    assert moments == pytest.approx([moments[0]] * 4, rel=1e-9)
+    assert 0.5 * 0.0513 < moments[0] / 0.01 < 0.8 * 0.0513  # the largest, amid the edge
 
 
 def test_clamped_triangles() -> None:
@@ -93,6 +102,7 @@ def test_clamped_triangles() -> None:
     nodes = state.plan.model.strip.nodes[0]
     expected = -1e-3 * np.ptp(nodes) ** 3 / (3.0 * STIFFNESS)
     assert lowest(state)[-1] == pytest.approx(expected, rel=1e-6)
+    assert state.clamp_moment("entry") == pytest.approx(1e-3 * np.ptp(nodes), rel=1e-6)
 
 
 def test_slope_stays_where_the_jaws_are_moved_until_they_let_go() -> None:
@@ -105,6 +115,22 @@ def test_slope_stays_where_the_jaws_are_moved_until_they_let_go() -> None:
     state = solved([moved, hangs], edges, strip=strip, solver={"tolerance": 1e-6})
     sunk = 1e-3 / (3.0 * STIFFNESS)
     assert lowest(state)[2] == pytest.approx(0.1 - sunk, rel=1e-4)
+
+
+def test_the_moment_of_a_clamp_is_told(tmp_path: Path) -> None:
+    """In the summary and on the console: of 1 N/m on an arm of 10 mm."""
+    tables = {
+        "strip": {"kinematics": "section", "length": 0.01, "width": 0.1, "thickness": THICKNESS},
+        "material": {"young": YOUNG, "poisson": 0.3},
+        "edges": {"entry": {"fixed": ["x", "z"], "clamped": True}},
+        "stages": [{"name": "load", "exit": {"force": [0.0, 0.0, -1.0]}}],
+    }
+    run = Run(Scene.model_validate(tables), tmp_path)
+    list(run)
+    told = json.loads((tmp_path / "summary.json").read_text("utf-8"))["edges"]
+    assert told["entry"]["moment"] == pytest.approx(0.01, rel=2e-4)
+    assert "moment" not in told["exit"]
+    assert f" Moment {told['entry']['moment']:.6g} N at the entry." in report(run)
 
 
 def test_heated_strip_between_jaws_bifurcates_as_a_column() -> None:

@@ -641,6 +641,7 @@ def test_a_name_that_is_too_long_is_told_to_be_so() -> None:
     ("typed", "hint"),
     [
         ("rpm = 60.0", "angular_speed = 6.28319"),
+        ("omega = 2.0", "angular_speed = 2"),
         ("force = [0.0, 0.0, -1.0]", "the tension that it makes: a weight G"),
         ("axis = [0.1, 1.0, 0.0]", "axis in [[rollers]], for the whole run"),
     ],

@@ -480,7 +480,9 @@ def report(run: Run, told: Collection[str] = ()) -> str:
         if (level := run.flow.level) is not None:
             parts.append(f"By its rate, the strip flows at {level:.3f} times its yield stress.")
         ends = (f"{state.tension(name):.6g} N/m at the {name}" for name in ENDS)
-        parts.append(f"Tension {' and '.join(ends)}.")
+        jaws = (f"{state.clamp_moment(name):.6g} N at the {name}" for name in run.scene.clamped)
+        moments = f" Moment {' and '.join(jaws)}." if run.scene.clamped else ""
+        parts.append(f"Tension {' and '.join(ends)}.{moments}")
         latent, manifest = (run.flatness.get(f"{k}_flatness") for k in ("latent", "manifest"))
         if latent is not None and manifest is not None and latent >= MIN_FLATNESS:
             mean = f"{latent:.3g} I-units latent in the mean along the strip"

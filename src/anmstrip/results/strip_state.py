@@ -207,6 +207,21 @@ class StripState:
         values = strip.nodal(self.imbalance)[edge.values].sum(axis=0)
         return strip.kinematics.embed(values) + given
 
+    def clamp_moment(self, name: str) -> float:
+        """Mean moment at a clamped edge (N), positive where the upper side is stretched.
+
+        Of what is out of balance there that which works on a uniform slope.
+        """
+        strip = self.plan.model.strip
+        edge, basis = strip.edges[name], strip.basis
+        across = int(np.ptp(strip.nodes[0, edge.nodes]) > 0.0)
+        outward = np.sign(strip.nodes[across, edge.nodes[0]] - strip.nodes[across].mean())
+        nodal = zip(basis.elem.dofnames, basis.nodal_dofs, strict=False)
+        slopes = [(outward, dofs[edge.nodes]) for n, dofs in nodal if n == f"u_{'xy'[across]}"]
+        slopes += [(1.0, dofs[edge.facets]) for dofs in basis.facet_dofs]  # of outward normals
+        own = strip.nodal(self.imbalance)[:, strip.kinematics.place(2)]
+        return -sum(float(sense * own[dofs].sum()) for sense, dofs in slopes) / edge.length
+
     def pull_direction(self, name: str) -> Array | None:
         """Direction of the force that pulls an edge, in the plane in which the strip bends, (3,).
 

@@ -10,7 +10,7 @@ Where friction makes K unsymmetric inertia has no such meaning.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from itertools import islice, pairwise
@@ -622,11 +622,19 @@ def loads(state: State) -> dict[str, float]:
     return {"time": state.time, **tensions, **own}
 
 
-def dated(change: Callable[[float], float], length: float) -> float:
-    """Return where on a branch something changes its sign, to :data:`ONSET_TOLERANCE` of it."""
+def dated(change: Callable[[float], float], length: float, known: Iterable[float] = ()) -> float:
+    """Return where on a branch something changes its sign, to :data:`ONSET_TOLERANCE` of it.
+
+    It is cheap to ask for at known places, between which it is sought.
+    """
     from scipy.optimize import brentq
 
-    return float(brentq(change, 0.0, length, xtol=ONSET_TOLERANCE * length, rtol=ONSET_TOLERANCE))
+    places = sorted({0.0, length, *known})
+    signs = [change(a) > 0.0 for a in places]
+    pairs = zip(pairwise(places), pairwise(signs), strict=True)
+    changed = (pair for pair, (before, after) in pairs if before != after)
+    ends = next(changed, (0.0, length))  # where it begins with zero
+    return float(brentq(change, *ends, xtol=ONSET_TOLERANCE * length, rtol=ONSET_TOLERANCE))
 
 
 def pressed_shares(state: State) -> dict[tuple[str, str], float]:
@@ -731,7 +739,13 @@ class WrinkleWatch:
         if state.branch is None or (far and not near):
             self.factors = np.zeros(0)
             return []
-        at, length = cache(lambda a: self._modes(state.inside(a))), state.branch.length
+        looked_at, length = dict[float, tuple[Array, Array]](), state.branch.length
+
+        def at(a: float) -> tuple[Array, Array]:
+            if a not in looked_at:
+                looked_at[a] = self._modes(state.inside(a))
+            return looked_at[a]
+
         ahead = at(length)[0]
         looked = len(self.factors) or not (ahead < FAR_FROM_BUCKLING).any()
         before = self.factors if looked else at(0.0)[0]
@@ -749,7 +763,7 @@ class WrinkleWatch:
 
                 if excess(0.0) * excess(length) > 0.0:  # modes are missed at one end
                     continue
-                a = dated(excess, length)
+                a = dated(excess, length, looked_at)
                 factors, modes = at(a)
                 distance = np.abs(factors - level)
                 if distance.min(initial=np.inf) < FACTOR_TOLERANCE:  # no birth of a complex pair

@@ -40,6 +40,8 @@ OTHER_NAMES = {
     "time": ("duration", 1.0),
     "tol": ("tolerance", 1.0),
     "rpm": ("angular_speed", math.pi / 30.0),
+    "omega": ("angular_speed", 1.0),
+    "penalty": ("stiffness", 1.0),
     "speed": ("surface_speed", 1.0),
     **dict.fromkeys(("frequency", "interval"), ("every", 1.0)),
 }

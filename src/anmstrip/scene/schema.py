@@ -238,6 +238,11 @@ class SceneSpec(Table):
         """Return the edges that are held in a component, as long as no stage lets them go."""
         return [name for name, edge in self.edges.items() if component in edge.fixed]
 
+    @property
+    def clamped(self) -> list[str]:
+        """Edges that keep their slope, as long as no stage lets them go."""
+        return [name for name, edge in self.edges.items() if edge.clamped]
+
     def as_typed(self, control: str) -> str:
         """Return the key of a control in a scene, that of a tension for the force that it makes."""
         name, _, key = control.partition(".")
