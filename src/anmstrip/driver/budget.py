@@ -409,15 +409,14 @@ class Budget:
         """
         if self.halved is None or onset.beside is None or self.assembly.imperfection is not None:
             return None
-        state, (before, factors) = onset.state, self.onset or (onset, None)
-        distance = abs(before.state.control - state.control)
-        if factors is None or before.state.plan is not state.plan or distance > SAME_ONSET:
-            before, plan = onset, self.finer_problem(self.halved, state, released)
+        state, known = onset.state, self.onset
+        if known is None or not known[0].is_beside(onset):
+            plan = self.finer_problem(self.halved, state, released)
             try:
-                factors = buckling_factors(balance_state(plan, state, reduction=ONSET_REDUCTION))
+                known = self.onset = onset, buckling_factors(balance_state(plan, state))
             except MemoryError:
                 return None
-            self.onset = onset, factors
+        before, factors = known
         factors = (onset.level / before.level * factors)[onset.number :]
         return onset.loads_by(float(factors[0])) if len(factors) and factors[0] > 0.0 else None
 
@@ -482,14 +481,6 @@ def frozen_problem(state: State) -> StageProblem:
 
 IMBALANCE_REDUCTION = 1e-5
 """Imbalance that is left of the one that is taken away: the change is known to a few per cent."""
-
-ONSET_REDUCTION = 1e-2
-"""The same where an onset of wrinkles is dated: by 1e-3 of its time otherwise than with the smaller
-one, for a film on a crowned roller, in 17 tangents less of 26."""
-
-SAME_ONSET = 0.01
-"""Part of a stage within which onsets are those of one state on the finer mesh: the bifurcation
-behind a mode that is about to wrinkle is 0.002 of it away."""
 
 SMALLEST_IMBALANCE = 1e-10
 """Least imbalance that is asked for, over the force scale, where displacements are small."""
@@ -706,11 +697,7 @@ def led_by(
 
 @np.errstate(over="ignore", invalid="ignore")  # of iterations that run away
 def balance_state(
-    plan: StageProblem,
-    state: State,
-    velocity: Array | None = None,
-    elapsed: float = 0.0,
-    reduction: float = IMBALANCE_REDUCTION,
+    plan: StageProblem, state: State, velocity: Array | None = None, elapsed: float = 0.0
 ) -> State | None:
     """Return the state in balance near the start of a problem, or None.
 
@@ -727,8 +714,6 @@ def balance_state(
         Of a stage in time, if nothing moves from the start of the problem.
     elapsed : float
         Duration (s) in which what moves from there has moved.
-    reduction : float
-        Part of the imbalance that may be left.
     """
     free, moving, rates = plan.supports.free, velocity, None
     if moving is not None:
@@ -737,7 +722,7 @@ def balance_state(
     zero = np.zeros(len(free))
     first = equations.imbalance(equations.residual(zero, 0.0))
     floor = ROUND_OFF_MARGIN * equations.round_off(zero, 0.0)
-    wanted = min(max(reduction * first, floor), LARGEST_IMBALANCE_LEFT)
+    wanted = min(max(IMBALANCE_REDUCTION * first, floor), LARGEST_IMBALANCE_LEFT)
     wanted, solver = max(wanted, SMALLEST_IMBALANCE), SparseSolver()
     found, begin = corrected_by_width(equations, solver, wanted, first)
     settings = Settings(

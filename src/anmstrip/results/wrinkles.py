@@ -410,6 +410,10 @@ DATED_FACTORS = {ONSET_FACTOR: "wrinkles", 1.0: BIFURCATION}
 a little as a mode is, its path has no bifurcation: it turns aside, and the factor remains above 1
 by less than this in the cases of ``examples/conveyed_wrinkles.py``."""
 
+SAME_ONSET = 0.01
+"""Part of a stage within which onsets are those of one state on the finer mesh: the bifurcation
+behind a mode that is about to wrinkle is 0.002 of it away."""
+
 RATE_SHARE = 0.05
 """Share of a branch over which the rate at which a mode comes to its onset is a difference."""
 
@@ -563,6 +567,11 @@ class Onset:
     def level(self) -> float:
         """Factor of the mode in this state."""
         return next(level for level, kind in DATED_FACTORS.items() if kind == self.kind)
+
+    def is_beside(self, other: Onset) -> bool:
+        """Whether another onset is so near that a finer mesh has both in one state."""
+        here, there = self.state, other.state
+        return here.plan is there.plan and abs(here.control - there.control) <= SAME_ONSET
 
     def loads_by(self, factor: float) -> dict[str, float]:
         """Return at which loads it is if the factor of its mode, in this state, is another.
