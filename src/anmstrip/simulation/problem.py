@@ -308,11 +308,11 @@ class Assembly:
 
     def input(self) -> dict[str, Any]:
         """Return the scene as it is run, with what the mesh and the machine decide; JSON-ready."""
-        from anmstrip.mechanics.laws import GradedSignorini
-
         found = self.scene.to_dict()
         found["solver"]["order"] = self.order
-        if self.scene.rollers and isinstance(law := self.signorini, GradedSignorini):
+        given = self.scene.contact if self.scene.rollers else None
+        if given is not None and given.law is None and given.constants is None:
+            law: Any = self.signorini
             found["contact"] |= {"pressure": law.pressure, "onset": law.width}
         if (p := self.scene.material.plasticity) is not None and p.reference_rate is None:
             found["material"]["plasticity"]["reference_rate"] = self.usual_rate
