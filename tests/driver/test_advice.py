@@ -803,7 +803,7 @@ ELSEWHERE = {
     "_read": "of a map, in test_operating_map.py",
     "beside_rollers": "of a state beside its rollers, in test_steady.py",
     "uneven_heat": "test_diagnosis.py",
-    "clamped_ends": "test_diagnosis.py",
+    "pressed_by_ends": "test_diagnosis.py",
     "sinking_exit": "test_forewarnings.py",
     "uneven_fibres": "test_forewarnings.py",
     "loose_fibres": "test_forewarnings.py",

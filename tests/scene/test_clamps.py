@@ -251,6 +251,19 @@ def test_jaws_that_close_bow_the_strip_as_is_told_to_type() -> None:
     assert -last.state.tension("entry") == pytest.approx(force, rel=2e-3)
 
 
+def test_an_edge_that_the_jaws_have_let_go_takes_a_moment() -> None:
+    """It was refused in stages after the one that lets go; D κ = M all along."""
+    edges = {"entry": JAWS | {"fixed": ["x", "z"]}, "exit": {"fixed": ["z"], "clamped": True}}
+    stages = [
+        {"name": "let_go", "exit": {"release": True, "force": [0.0, 0.0, 0.0]}},
+        {"name": "bend", "exit": {"moment": 0.5}},
+    ]
+    strip = {"kinematics": "section", "length": 1.0, "width": 0.1}
+    state = solved(stages, edges, strip=strip, solver={"tolerance": 1e-6})
+    assert state.clamp_moment("entry") == pytest.approx(-0.5, rel=1e-4)
+    assert state.clamp_moment("exit") == pytest.approx(0.0, abs=1e-6)
+
+
 @pytest.mark.parametrize(
     ("tables", "key"),
     [

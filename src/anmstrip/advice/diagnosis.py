@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations
+from itertools import combinations, takewhile
 
 import numpy as np
 
@@ -373,11 +373,11 @@ def slack(failure: Failure) -> str | None:
     else:
         return None
     crooked = next(physics.slack_edge(seen), "")
-    cure = uneven_heat(failure, -least[worst]) or clamped_ends(failure, mean[0, 0, worst])
+    cure = uneven_heat(failure, -least[worst]) or pressed_by_ends(failure, mean[0, 0, worst])
     return f"The strip is {found}. {cure or as_sentence(crooked) or more_tension(failure)}"
 
 
-def clamped_ends(failure: Failure, pull: float) -> str | None:
+def pressed_by_ends(failure: Failure, pull: float) -> str | None:
     """Ends that hold a shell in y and press it across where it is pulled along (N/m)."""
     held = [f"the {name}" for name in ENDS if name in failure.scene.held_in("y")]
     if not held or pull <= 0.0:
@@ -431,20 +431,19 @@ def more_tension(failure: Failure) -> str:
         larger = max(2.0, least / float(np.linalg.norm(force))) * force
         return f"Try --set 'stages.{stage}.exit.force={typed_vector(larger, '.4g')}'"
     if held is not None and "x" in held.fixed:
-        names = [each.name for each in scene.stages]
-        freed = [n for n, each in zip(names, scene.stages, strict=True) if exit_goes(each)]
-        if not freed or stage not in names[names.index(freed[0]) :]:
+        before = [each.name for each in takewhile(holds_exit, scene.stages)]
+        if stage in before:
             return f"Try a larger x in stages.{stage}.exit.move."
-        if before := names[: names.index(freed[0])]:
+        if before:
             return f"Try a larger x in stages.{before[-1]}.exit.move, before the exit is let go."
     first = scene.stages[0]
     calm = f" --set stages.{first.name}.friction=false" * failure.assembly.frictional(first)
     return f"Try --set 'stages.{first.name}.exit.force=[{least:.3g}, 0.0, 0.0]'{calm}"
 
 
-def exit_goes(stage: StageSpec) -> bool:
-    """Whether a stage lets the exit go."""
-    return "exit" in stage.edges and stage.edges["exit"].release
+def holds_exit(stage: StageSpec) -> bool:
+    """Whether a stage does not let the exit go."""
+    return "exit" not in stage.edges or not stage.edges["exit"].release
 
 
 def free_motion(failure: Failure) -> str | None:

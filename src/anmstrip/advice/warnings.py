@@ -475,7 +475,7 @@ MIN_TOLERANCE = 1e-9
 
 
 SECOND_BETWEEN_JAWS = 8.183
-"""Of Euler's π² D/L²: of the second mode of a column between jaws, beyond the bow that it has."""
+"""Load of the second mode of a column between jaws, over π² D/L²: 4 (x/π)² with tan x = x."""
 
 
 def buckled_section(state: State, scene: SceneSpec) -> Iterator[str]:
@@ -497,7 +497,7 @@ def buckled_section(state: State, scene: SceneSpec) -> Iterator[str]:
     arcs = sorted(contact.arc for contact in state.touched.values())
     places, forces = quadrature_points(strip)[0], state.membrane_forces[0, 0]
     loose = [name for name in ENDS if name not in scene.held_in("z")]
-    clamped = jaws(scene)
+    clamped = [name for name in ENDS if name in scene.clamped]
     alone = bool(loose) and not arcs and scene.threading is None
     for (_, start), (stop, _) in pairwise([(begin, begin), *arcs, (end, end)]):
         within = (start <= places) & (places <= stop)
@@ -529,11 +529,6 @@ def buckled_section(state: State, scene: SceneSpec) -> Iterator[str]:
         yield told
 
 
-def jaws(scene: SceneSpec) -> list[str]:
-    """Return the ends that are clamped."""
-    return [name for name in ENDS if name in scene.edges and scene.edges[name].clamped]
-
-
 def bowed_instead(state: State, scene: SceneSpec, length: float) -> str:
     """Return what to type so that a straight span of a section buckles smoothly, or nothing.
 
@@ -544,7 +539,7 @@ def bowed_instead(state: State, scene: SceneSpec, length: float) -> str:
     tolerance, settings = scene.solver.tolerance, list[str]()
     curved = 0.8 * given.thickness / length**2
     straight = given.imperfection is None and abs(given.coil_set or 0.0) < 0.5 * curved
-    if straight and len(jaws(scene)) == len(ENDS):
+    if straight and set(ENDS) <= set(scene.clamped):
         if state.plan.name != scene.stages[0].name:
             return ""
         bow = f"mode=1,amplitude={0.1 * given.thickness:.2g}"

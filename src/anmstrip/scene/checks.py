@@ -256,8 +256,8 @@ def clamped_edges(strip: StripSpec, threading: Threading, edges: Edges, stages: 
             if threading:
                 expected = "no clamp, which is for flat strip: threaded strip turns at its ends"
             yield Mistake("", f"edges.{name}.clamped", True, expected, "clamped = false")
-    for place, name, control in edge_controls(stages):
-        if control.moment and name in edges and edges[name].clamped and not control.release:
+    for place, name, control, _, released in held_in_stages(edges, stages):
+        if control.moment and name in edges and edges[name].clamped and not released:
             expected = "nothing: this edge is clamped; the moment follows (N)"
             hint = f"[edges.{name}]\nclamped = false"
             yield Mistake("", f"{place}.moment", control.moment, expected, hint)

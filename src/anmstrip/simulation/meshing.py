@@ -709,7 +709,7 @@ def curved_ends(scene: SceneSpec) -> tuple[str, ...]:
     loaded = any(stage.pressure or stage.gravity for stage in scene.stages)
     if not (scene.rollers or across or loaded):
         return ()
-    return tuple(name for name in ENDS if name in scene.edges and scene.edges[name].clamped)
+    return tuple(name for name in ENDS if name in scene.clamped)
 
 
 def fine_beside(layer: float, size: float) -> float:
