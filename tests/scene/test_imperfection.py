@@ -13,6 +13,7 @@ from threaded import ONE, ended, scene_of
 
 from anmstrip.advice.warnings import buckled_section
 from anmstrip.driver.explain import explain
+from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
 from anmstrip.fem.sampling import l2_projection, quadrature_points
@@ -211,6 +212,23 @@ def test_a_straight_section_is_told_that_it_has_buckled(
     found = list(buckled_section(state, run.scene))
     assert ["bears unbuckled" in words for words in found] == [True] * told
     assert ["coil_set" in words for words in found] == [not yields] * told
+
+
+def test_a_section_that_has_buckled_in_an_earlier_stage_is_told(tmp_path) -> None:
+    """Pressed and pulled again, by a run that is resumed while it is pulled: its end is stable."""
+    tables = pressed(1.5, kinematics="section").model_dump(exclude_unset=True)
+    tables["edges"] = {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["z"]}}
+    tables["stages"] = [*tables["stages"], {"name": "pull", "exit": {"force": [1e3, 0.0, 0.0]}}]
+    run = Run(Scene.model_validate(tables), tmp_path)
+    for step in run:
+        if step.state.plan.name == "pull":
+            break
+    run.interrupted()
+    run = Run(Scene.model_validate(tables), tmp_path, resume=True)
+    for _ in run:
+        pass
+    (words,) = (each for each in run.warnings if "bears unbuckled" in each)
+    assert words.startswith("at the end of stage press the strip is pressed")
 
 
 @pytest.mark.parametrize(("length", "heat"), [(0.5, 200.0), (3.0, 20.0)])

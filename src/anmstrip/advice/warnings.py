@@ -972,9 +972,12 @@ OTHER_RULES = (
     free_motions, coarse_mesh, coarse_hinges, slipping_friction, growing_wraps, rates_of_labels,
     needless_shell, pulled_twice, keeps_its_load, *physics.PHYSICS_RULES,
 )  # fmt: skip
+RULES_OF_STAGES = buckled_section, unresolved_waves
+"""Rules for the state at the end of each stage, and in the others for the last state alone."""
+
 RULES_AT_END = (
     lifted_off, undriven, standing_idlers, unbalanced_idlers, spinning_rollers, overstretched,
-    held_across, buckled_section, unresolved_waves,
+    held_across, *RULES_OF_STAGES,
 )  # fmt: skip
 
 

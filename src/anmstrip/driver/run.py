@@ -17,6 +17,7 @@ from anmstrip.advice.physics import beyond_capacity
 from anmstrip.advice.preview import Preview
 from anmstrip.advice.warnings import (
     RULES_AT_END,
+    RULES_OF_STAGES,
     beside_rollers,
     coarse_mesh,
     guessed_rate,
@@ -83,7 +84,7 @@ MAX_WAITING_UNKNOWNS = 1_000_000
 """Unknowns of the states, 16 bytes each, that wait until the history is asked for."""
 
 CHECKPOINT_ATTRIBUTES = {
-    **{name: name for name in ("steps", "stages", "effects", "snaps", "wrinkles")},
+    **{name: name for name in ("steps", "stages", "effects", "snaps", "wrinkles", "passed")},
     **{name: f"march.{name}" for name in ("reached", "slack", "conveyed")},
     "timed": "cost.seconds",
     "linear_solver": "march.solver.name",
@@ -264,6 +265,7 @@ class Run:
         self.effects: dict[str, dict[str, Any]] = {}
         self.stages: dict[str, dict[str, Any]] = {}
         self.snaps: list[dict[str, Any]] = []
+        self.passed: list[str] = []  # warnings of states at the ends of earlier stages
         self.wrinkles: list[dict[str, Any]] = []
         self.flow = MeanFlow()
         self.state: State | None = None
@@ -399,6 +401,9 @@ class Run:
         if len(both) < 2 or kept or let_go:
             self._look_at_errors(stage)
         with delay_interrupts():
+            if self.recorder is not None and stage is not course[-1]:
+                told = [words for rule in RULES_OF_STAGES for words in rule(self.state, self.scene)]
+                self.passed += [f"at the end of stage {stage.name} {words}" for words in told]
             march.finish(stage, plan)
             self.first_stage += 1
 
@@ -520,7 +525,7 @@ class Run:
         if (law := self.assembly.flow) is not None:
             seen += guessed_rate(self.scene, law.rate, self.flow)
         known = {key for words in seen for key in proposed_keys(words)}
-        told = [words for words in self.forewarnings() if words not in settled]
+        told = [words for words in self.forewarnings() if words not in settled] + self.passed
         told = [words for words in told if known.isdisjoint(proposed_keys(words))]
         found = self.budget.of_path if self.outcome.done else []
         found = [*found, *self.budget.of_mesh, *self._moved_onsets]
