@@ -25,6 +25,8 @@ YOUNG, THICKNESS = 2.0e11, 1.0e-3
 STIFFNESS = YOUNG * THICKNESS**3 / 12.0
 """D of a strip that contracts freely (N m)."""
 
+KINDS = "wrinkles", "bifurcation"
+
 JAWS = {"fixed": ["x", "y", "z"], "clamped": True}
 
 
@@ -207,6 +209,25 @@ def test_shell_between_jaws_bears_four_times_as_much(clamped: bool) -> None:
     (span,) = free_spans(state)
     borne = (4.0 if clamped else 1.0) * np.pi**2 * STIFFNESS / 0.5**2
     assert span.bearable == pytest.approx(borne, rel=1e-3)
+
+
+@pytest.mark.parametrize("beyond", [2.0, 40.0, 8000.0])
+def test_onset_is_found_however_far_beyond_it_a_step_leads(beyond: float) -> None:
+    """4 π² D/L² at ν = 0, of which onsets are told at 1/1.01; the lowest modes were left out."""
+    length = 0.5
+    borne = 4.0 * np.pi**2 * STIFFNESS / length**2
+    way = -beyond * borne * length / (YOUNG * THICKNESS)
+    close = {"name": "close", "exit": {"move": [way, 0.0, 0.0]}}
+    jaws = JAWS | {"fixed": ["x", "y", "z"]}
+    strip = {"thickness": THICKNESS, "length": length, "width": 0.1, "cells": [8, 2]}
+    material = {"young": YOUNG, "poisson": 0.0}
+    edges = {"entry": jaws, "exit": jaws}
+    given = {"strip": strip, "material": material, "edges": edges, "stages": [close]}
+    run = Run(Scene.model_validate(given))
+    list(run)
+    first = {kind: [told for told in run.wrinkles if told["kind"] == kind][0] for kind in KINDS}
+    assert first["wrinkles"]["exit_tension"] == pytest.approx(-borne / 1.01, rel=1e-3)
+    assert first["bifurcation"]["exit_tension"] == pytest.approx(-borne, rel=1e-3)
 
 
 def test_strip_pushed_against_a_jaw_is_a_column_with_a_free_end() -> None:

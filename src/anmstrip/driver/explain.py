@@ -94,6 +94,9 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
     led = scene.threading is not None and not scene.strip.feed
     if led and any(moved_ends(scene.threading, scene.edges, scene.stages)):
         fed = ", of finite length: its ends move, and no fresh strip follows"
+    if scene.threading is None and not assembly.closed:
+        begin, end = strip.span + assembly.origin[0]
+        fed += f", flat from x = {begin:g} m (entry) to {end:g} m (exit)"
     h, own = strip.cell_sizes[0], assembly.kinematics.name
     yield printable(scene.title or scene.name)
     yield (

@@ -643,7 +643,7 @@ def dated(change: Callable[[float], float], length: float, known: Iterable[float
     pairs = zip(pairwise(places), pairwise(signs), strict=True)
     changed = (pair for pair, (before, after) in pairs if before != after)
     ends = next(changed, (0.0, length))  # where it begins with zero
-    return float(brentq(change, *ends, xtol=ONSET_TOLERANCE * length, rtol=ONSET_TOLERANCE))
+    return float(brentq(change, *ends, xtol=ONSET_TOLERANCE**2 * length, rtol=ONSET_TOLERANCE))
 
 
 def pressed_shares(state: State) -> dict[tuple[str, str], float]:
