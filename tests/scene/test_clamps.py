@@ -225,7 +225,7 @@ def test_onset_is_found_however_far_beyond_it_a_step_leads(beyond: float) -> Non
     given = {"strip": strip, "material": material, "edges": edges, "stages": [close]}
     run = Run(Scene.model_validate(given))
     list(run)
-    first = {kind: [told for told in run.wrinkles if told["kind"] == kind][0] for kind in KINDS}
+    first = {kind: next(told for told in run.wrinkles if told["kind"] == kind) for kind in KINDS}
     assert first["wrinkles"]["exit_tension"] == pytest.approx(-borne / 1.01, rel=1e-3)
     assert first["bifurcation"]["exit_tension"] == pytest.approx(-borne, rel=1e-3)
 

@@ -89,22 +89,9 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
     """Yield sentences and tables of what a run would do."""
     assembly = Assembly(scene)
     preview = Preview.of(assembly)
-    strip, found = assembly.strip, levels(preview)
-    fed = ", fed: fresh strip follows what has left" if scene.strip.feed else ""
-    led = scene.threading is not None and not scene.strip.feed
-    if led and any(moved_ends(scene.threading, scene.edges, scene.stages)):
-        fed = ", of finite length: its ends move, and no fresh strip follows"
-    if scene.threading is None and not assembly.closed:
-        begin, end = strip.span + assembly.origin[0]
-        fed += f", flat from x = {begin:g} m (entry) to {end:g} m (exit)"
-    h, own = strip.cell_sizes[0], assembly.kinematics.name
+    found, own = levels(preview), assembly.kinematics.name
     yield printable(scene.title or scene.name)
-    yield (
-        f"Strip {strip.length:g} m × {strip.width:g} m × {strip.thickness:g} m, "
-        f"{strip.mesh.t.shape[1]} elements {h.min():.3g} to {h.max():.3g} m long, "
-        f"{strip.unknowns} unknowns, kinematics {scene.strip.kinematics}"
-        f"{fed}."
-    )
+    yield size_words(assembly)
     if defaults.loose_across(scene):
         yield "Nothing else holds the strip in y: the middle of the entry is (edges.entry.centred)."
     elif defaults.free_across(scene):
@@ -149,6 +136,24 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
     if own in against:
         yield f"Warning: kinematics {own} does not see that {against[own]}."
     yield from (f"Warning: {line}" for line in warnings(preview))
+
+
+def size_words(assembly: Assembly) -> str:
+    """Return the sizes of the strip and its mesh, where it is flat, and whether it is fed."""
+    scene, strip, ends = assembly.scene, assembly.strip, ""
+    h, led = strip.cell_sizes[0], scene.threading is not None and not scene.strip.feed
+    if led and any(moved_ends(scene.threading, scene.edges, scene.stages)):
+        ends = ", of finite length: its ends move, and no fresh strip follows"
+    if scene.threading is None and not assembly.closed:
+        begin, end = strip.span + assembly.origin[0]
+        ends = f", flat from x = {begin:g} m (entry) to {end:g} m (exit)"
+    if scene.strip.feed:
+        ends += ", fed: fresh strip follows what has left"
+    return (
+        f"Strip {strip.length:g} m × {strip.width:g} m × {strip.thickness:g} m, "
+        f"{strip.mesh.t.shape[1]} elements {h.min():.3g} to {h.max():.3g} m long, "
+        f"{strip.unknowns} unknowns, kinematics {scene.strip.kinematics}{ends}."
+    )
 
 
 def lighter_stages(assembly: Assembly) -> str:

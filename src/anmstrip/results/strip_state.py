@@ -220,7 +220,7 @@ class StripState:
         slopes = [(outward, dofs[edge.nodes]) for n, dofs in nodal if n == f"u_{'xy'[across]}"]
         slopes += [(1.0, dofs[edge.facets]) for dofs in basis.facet_dofs]  # of outward normals
         own = strip.nodal(self.imbalance)[:, strip.kinematics.place(2)]
-        return -sum(float(sense * own[dofs].sum()) for sense, dofs in slopes) / edge.length
+        return sum(-float(sense * own[dofs].sum()) for sense, dofs in slopes) / edge.length
 
     def pull_direction(self, name: str) -> Array | None:
         """Direction of the force that pulls an edge, in the plane in which the strip bends, (3,).
