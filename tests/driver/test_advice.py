@@ -793,6 +793,7 @@ ELSEWHERE = {
     "spinning_rollers": "of what a last state shows",
     "buckled_section": "of what a last state shows",
     "bowed_instead": "of buckled_section, in test_imperfection.py and test_clamps.py",
+    "wrinkled_instead": "test_clamps.py",
     "held_across": "test_reported_plasticity.py",
     "overstretched": "of what a last state shows",
     "guessed_rate": "test_reported_plasticity.py",

@@ -41,10 +41,15 @@ def solved(stages: list[dict[str, Any]], edges: dict[str, Any], **tables: Any) -
     return last.state
 
 
+def displacements(state: State) -> np.ndarray:
+    """Of the nodes (m), (nodes, components)."""
+    strip = state.plan.model.strip
+    return np.asarray(strip.nodal(state.full)[strip.node_values])
+
+
 def lowest(state: State) -> np.ndarray:
     """Displacement (m) of the node that has moved farthest down, (components,)."""
-    strip = state.plan.model.strip
-    values = strip.nodal(state.full)[strip.node_values]
+    values = displacements(state)
     return np.asarray(values[values[:, -1].argmin()])
 
 
@@ -211,23 +216,49 @@ def test_shell_between_jaws_bears_four_times_as_much(clamped: bool) -> None:
     assert span.bearable == pytest.approx(borne, rel=1e-3)
 
 
-@pytest.mark.parametrize("beyond", [2.0, 40.0, 8000.0])
-def test_onset_is_found_however_far_beyond_it_a_step_leads(beyond: float) -> None:
-    """4 π² D/L² at ν = 0, of which onsets are told at 1/1.01; the lowest modes were left out."""
+def closed(beyond: float) -> tuple[float, Scene]:
+    """What a sheet between jaws bears (N/m) at ν = 0, and one whose jaws close beyond it."""
     length = 0.5
     borne = 4.0 * np.pi**2 * STIFFNESS / length**2
     way = -beyond * borne * length / (YOUNG * THICKNESS)
-    close = {"name": "close", "exit": {"move": [way, 0.0, 0.0]}}
     jaws = JAWS | {"fixed": ["x", "y", "z"]}
-    strip = {"thickness": THICKNESS, "length": length, "width": 0.1, "cells": [8, 2]}
-    material = {"young": YOUNG, "poisson": 0.0}
-    edges = {"entry": jaws, "exit": jaws}
-    given = {"strip": strip, "material": material, "edges": edges, "stages": [close]}
-    run = Run(Scene.model_validate(given))
+    given = {
+        "strip": {"thickness": THICKNESS, "length": length, "width": 0.1, "cells": [8, 2]},
+        "material": {"young": YOUNG, "poisson": 0.0},
+        "edges": {"entry": jaws, "exit": jaws},
+        "stages": [{"name": "close", "exit": {"move": [way, 0.0, 0.0]}}],
+    }
+    return borne, Scene.model_validate(given)
+
+
+@pytest.mark.parametrize("beyond", [2.0, 40.0, 8000.0])
+def test_onset_is_found_however_far_beyond_it_a_step_leads(beyond: float) -> None:
+    """Wrinkles are told at 1/1.01 of the load; those of the lowest modes were left out."""
+    borne, scene = closed(beyond)
+    run = Run(scene)
     list(run)
     first = {kind: next(told for told in run.wrinkles if told["kind"] == kind) for kind in KINDS}
     assert first["wrinkles"]["exit_tension"] == pytest.approx(-borne / 1.01, rel=1e-3)
     assert first["bifurcation"]["exit_tension"] == pytest.approx(-borne, rel=1e-3)
+
+
+def test_sheet_that_has_bifurcated_is_told_how_it_wrinkles(tmp_path: Path) -> None:
+    """As it is told to be typed it bears what it bore, and is bent by the way that its jaws went.
+
+    Of w = h (1 + cos 2πx/L)/2 by π² h²/4L.
+    """
+    borne, scene = closed(40.0)
+    run = Run(scene, tmp_path)
+    list(run)
+    (words,) = (each for each in run.warnings if "not stable" in each)
+    (bow,) = re.findall(r"--set '(.*?)'", words)
+    scene = Scene.from_tables(scene.to_dict(), "jaws.toml", [bow])
+    run = Run(scene, tmp_path / "bent")
+    *_, last = run
+    assert not any("not stable" in each for each in run.warnings)
+    assert last.state.tension("exit") == pytest.approx(-borne, rel=0.02)
+    height = 2.0 / np.pi * np.sqrt(0.5 * 39.0 * borne * 0.5 / (YOUNG * THICKNESS))
+    assert np.abs(displacements(last.state)[:, 2]).max() == pytest.approx(height, rel=0.02)
 
 
 def test_strip_pushed_against_a_jaw_is_a_column_with_a_free_end() -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -554,6 +554,21 @@ def bowed_instead(state: State, scene: SceneSpec, length: float) -> str:
         return ""
     words = "is not quite straight" if straight else "is solved finer"
     return f". Try a strip that {words}, --set {' --set '.join(settings)}"
+
+
+def wrinkled_instead(scene: SceneSpec, bifurcated: Collection[str]) -> Iterator[str]:
+    """What to type so that flat strip that is not stable wrinkles smoothly.
+
+    Where its path bifurcates in the first stage, whose end gives the mode; threaded strip with an
+    imperfection is of finite length.
+    """
+    bent = scene.strip.imperfection is not None or scene.threading is not None
+    if scene.course[0].name in bifurcated and not bent:
+        bow = f"mode=1,amplitude={0.1 * scene.strip.thickness:.2g}"
+        yield (
+            "the strip stays smooth beyond its bifurcation, and this state is not stable. For its "
+            f"wrinkles, try strip that is not quite flat, --set 'strip.imperfection={{{bow}}}'"
+        )
 
 
 def slides(contact: ContactState) -> bool:

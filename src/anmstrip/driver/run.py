@@ -24,6 +24,7 @@ from anmstrip.advice.warnings import (
     propose_one_mesh,
     proposed_keys,
     warnings,
+    wrinkled_instead,
 )
 from anmstrip.arrays import Array
 from anmstrip.continuation.follow import Pace
@@ -37,7 +38,7 @@ from anmstrip.linalg.direct import SingularTangentError
 from anmstrip.results.files import ERROR_WORDS, read_history, refused_checkpoint
 from anmstrip.results.plastic import MeanFlow
 from anmstrip.results.state import State
-from anmstrip.results.wrinkles import Onset, WrinkleWatch, Wrinkling
+from anmstrip.results.wrinkles import BIFURCATION, Onset, WrinkleWatch, Wrinkling
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS
 from anmstrip.simulation.defaults import line_speed
@@ -539,7 +540,10 @@ class Run:
         if (watch := self.onsets) is None:
             return wrinkling.warnings
         told, borne = self._missed_wrinkles, watch.borne(state)
-        if (lowest := min(borne.values(), default=np.inf)) < 1.0 and not self.wrinkles:
+        if (lowest := min(borne.values(), default=np.inf)) < 1.0 and self.wrinkles:
+            passed = {each["stage"] for each in self.wrinkles if each["kind"] == BIFURCATION}
+            told = [*wrinkled_instead(self.scene, passed)]
+        elif lowest < 1.0:
             there = self.budget.bears
             half = f", and {there:.2g} times on elements of half the length"
             told = [
