@@ -174,6 +174,21 @@ def test_a_key_that_is_unknown_is_told_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("given", "hint"),
+    [
+        ("friction.coefficient=[0.1, 0.2]", "--vary friction.coefficient=0.1,0.2"),
+        ("strip.cells=[[16, 2], [32, 2]]", "--vary 'strip.cells=[16, 2],[32, 2]'"),
+        ("strip.cells=[16, 2, 3]", "cells = [16, 2]"),
+    ],
+)
+def test_values_that_are_typed_as_one_list(tmp_path: Path, given: str, hint: str) -> None:
+    """Unless its first entry is not right either."""
+    ended = typed(CAPSTAN, "-o", tmp_path / "out", "--vary", given)
+    assert ended.exit_code == 2
+    assert f"type:     {hint}\n" in ended.stderr
+
+
+@pytest.mark.parametrize(
     ("arguments", "words"),
     [
         ((), "at least one key that varies"),

@@ -9,7 +9,7 @@ import math
 import re
 import shlex
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import product
@@ -149,8 +149,11 @@ def variants(
             Run(scene)
         except InputError as error:
             for mistake in error.mistakes:
-                text = mistake.file.removeprefix("--set ")
-                told = replace(mistake, file=f"--vary {text}") if text in texts else mistake
+                text, told = mistake.file.removeprefix("--set "), mistake
+                if text in texts:
+                    key = text.partition("=")[0]
+                    hint = listed(key, varied[key], lambda one: Scene.load(path, [*given, one]))
+                    told = replace(mistake, file=f"--vary {text}", hint=hint or mistake.hint)
                 alike = replace(told, file=told.file.partition("=")[0], value=None)
                 mistakes.setdefault(alike, told)
         else:
@@ -158,6 +161,19 @@ def variants(
     if mistakes:
         raise InputError(mistakes.values())
     return tuple(found)
+
+
+def listed(key: str, values: Sequence[Any], right: Callable[[str], object]) -> str:
+    """Return what to type for values that were typed as one list; nothing if that is not right."""
+    (first, *others) = values
+    if others or not isinstance(first, list) or not first:
+        return ""
+    try:
+        right(f"{key}={json.dumps(first[0])}")
+    except InputError:
+        return ""
+    typed = f"{key}={','.join(map(json.dumps, first))}"
+    return f"--vary {shlex.quote(typed)}"
 
 
 def parse_variations(texts: Iterable[str]) -> dict[str, tuple[Any, ...]]:
