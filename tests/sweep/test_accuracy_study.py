@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
@@ -105,6 +106,28 @@ def test_a_looser_tolerance_is_not_proposed(
     rows = [{**given, "value": value, "true_tension": error} for value, error in errors.items()]
     monkeypatch.setattr(study, "results", lambda: iter(rows))
     assert "a tenth of that, by a tolerance of 1e-06" in study.advice()
+
+
+@pytest.mark.parametrize("tension", [5.0, 2e4])
+def test_errors_are_shares_of_the_largest_tension(
+    tension: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where jaws pull more than the scene says; Newton's method may come to another state."""
+    study = Accuracy(tiny(), ["tolerance", "newton"], directory=tmp_path)
+    own, scale = study.scene.solver.tolerance, study.assembly.scales.tension
+    values = {"tension": {"entry": -tension, "exit": 0.5 * tension}, "force": {}}
+    monkeypatch.setattr(study, "final", lambda _: module.Final(values, np.zeros((3, 1)), {}))
+    given = {"element": 0.1, "seconds": 1.0, "tangents": 10, "value": own}
+    rows = [
+        {**given, "along": "tolerance", "true_tension": 10.0},
+        {**given, "along": "newton", "true_tension": 0.2 * study.tension},
+    ]
+    monkeypatch.setattr(study, "results", lambda: iter(rows))
+    assert study.tension == max(tension, scale)
+    assert f"gives tensions to {1000.0 / study.tension:.2g} %" in study.advice()
+    assert "Newton's method comes to another state" in study.advice()
+    rows[1]["true_tension"] = 0.05 * study.tension
+    assert "Newton's method takes 1 times" in study.advice()
 
 
 def test_scenes_that_stop_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -49,6 +49,10 @@ SHARPENED_LAWS = ("algebraic", "tanh")
 MAX_LEVEL_COST = 32.0
 """Seconds of an expansion, over the scene's own, that a level of kinematics may take."""
 
+OTHER_STATE = 0.1
+"""Share of the largest tension by which those of another state differ, as of strip that Newton's
+method leaves smooth where series come to wrinkles; errors are less with any tolerance compared."""
+
 VARIED_PARTS = {
     "tolerance": ("path", "time"),
     "newton": ("path", "time"),
@@ -318,7 +322,14 @@ class Accuracy(Sweep):
         """Return the errors of tensions against seconds and tangents."""
         from anmstrip.pictures.curves import accuracy_figure
 
-        return accuracy_figure(list(self.results()), self.assembly.scales.tension)
+        return accuracy_figure(list(self.results()), self.tension)
+
+    @property
+    def tension(self) -> float:
+        """Largest tension (N/m) of the scene, or of the states that others are compared with."""
+        truths = filter(None, map(self.final, (trial.truth for trial in self.trials)))
+        found = (abs(value) for truth in truths for value in truth.values["tension"].values())
+        return max([self.assembly.scales.tension, *found])
 
     def report(self) -> str:
         """Return the table in words, what stopped, and the advice."""
@@ -357,7 +368,7 @@ class Accuracy(Sweep):
         meshes = [{**here, "true_tension": 0.0}] if usual is None else by["mesh"]
         usual = usual or meshes[0]
         wrong = here["true_tension"] + usual["true_tension"]
-        share = 100.0 * wrong / self.assembly.scales.tension
+        share = 100.0 * wrong / self.tension
         told = (
             f"A tolerance of {own:g} on {here['element']:.2g} m gives tensions to {share:.2g} % in "
             f"{here['seconds']:.2g} s{'' if by['mesh'] else ', errors of the mesh left out'}; "
@@ -379,7 +390,12 @@ class Accuracy(Sweep):
         else:
             told += "no other tolerance and mesh of this table does better."
         newton = next((row for row in by["newton"] if row["value"] == own), None)
-        if newton is not None:
+        if newton is not None and newton["true_tension"] > OTHER_STATE * max(self.tension, wrong):
+            told += (
+                " Newton's method comes to another state, whose tensions differ by "
+                f"{newton['true_tension']:.2g} N/m."
+            )
+        elif newton is not None:
             spent, tangents = (newton[key] / here[key] for key in ("seconds", "tangents"))
             told += (
                 f" Newton's method takes {spent:.2g} times as long and {tangents:.2g} times as "
