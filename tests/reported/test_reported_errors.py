@@ -735,20 +735,25 @@ def test_errors_as_large_as_what_they_are_errors_of_are_told() -> None:
     """Of a shell 0.8 m wide under 12 kN/m: half of its width, and its tension."""
     given = ['strip.kinematics="shell"']
     scene = Scene.from_tables(tomllib.loads(scenes.TURNING), "turning.toml", given)
-    budget = Budget(Assembly(scene))
+    budget = Budget(Assembly(scene), pulled=1.2e4)
     small = {"tension": 100.0, "force": 2e4, "position": 1e-3}
     budget.parts = {"path": None, "mesh": small}
-    assert not budget.useless([1.2e4])
+    assert not budget.useless
     budget.parts["mesh"] = small | {"position": 0.8}
-    (told,) = budget.useless([1.2e4])
+    (told,) = budget.useless
     assert "the mesh may make positions by 0.8 m, more than half the width, wrong" in told
     budget.parts["path"] = small | {"tension": 2e5}
-    found = budget.useless([1.2e4])
+    found = budget.useless
     assert len(found) == 2 and "tensions by 2e+05 N/m" in found[0]
-    assert len(budget.useless([3e5, 0.0])) == 1  # under more tension than was asked for
+    budget.pulled = 3e5  # by jaws, more than the scene's unit
+    assert len(budget.useless) == 1
+    budget = Budget(Assembly(scene), parts={"mesh": small | {"tension": 240.0}})
+    assert "the mesh makes tensions wrong by about 240 N/m" in budget.of_mesh[0]
+    budget.pulled = 3e5
+    assert not budget.of_mesh
     smooth = Scene.from_tables(tomllib.loads(scenes.LIFTED), "lifted.toml")
     budget = Budget(Assembly(smooth), parts={"regularisation": small | {"tension": 1e9}})
-    assert budget.useless([1.0])[0].endswith("wrong. Try --set strip.finer=2")  # no law of friction
+    assert budget.useless[0].endswith("wrong. Try --set strip.finer=2")  # no law of friction
 
 
 def test_errors_of_strip_that_hardly_moves_are_known(tmp_path: Path) -> None:

@@ -123,8 +123,8 @@ class Budget:
         Whether elements of half the length have no such state, as far as could be found.
     error : ndarray, shape (unknowns of the finer mesh,), or None
         By the mesh.
-    time : float
-        Of the state that this is the error of (s).
+    time, pulled : float
+        Of the state that this is the error of (s), and its largest tension (N/m).
     loads : dict
         Edge → what the mesh makes of the force (N/m) that holds it, or that it was released with.
     spans : list of tuple of Span
@@ -140,6 +140,7 @@ class Budget:
     lost: bool = False
     error: Array | None = None
     time: float = 0.0
+    pulled: float = 0.0
     loads: dict[str, Array] = field(default_factory=dict)
     spans: list[tuple[Span, Span]] = field(default_factory=list)
     bears: float = np.inf
@@ -151,19 +152,21 @@ class Budget:
         """The scene on elements of half the length; None if it cannot be."""
         return Halved.of(self.assembly) if self.assembly.can_halve else None
 
-    def useless(self, tensions: Iterable[float]) -> list[str]:
-        """Sentences about errors as large as what they are errors of: largest tension, half width.
+    @property
+    def tension(self) -> float:
+        """Largest tension (N/m) of the scene or of the state, of which errors are shares."""
+        return max(self.assembly.scales.tension, self.pulled)
 
-        Tensions (N/m) are those of the state; the scene's own scale may be less.
-        """
+    @property
+    def useless(self) -> list[str]:
+        """Sentences about errors as large as the largest tension, or as half the width."""
         assembly, told, cures = self.assembly, list[str](), dict(BUDGET_ADVICE)
         if assembly.scene.friction is None:  # the onset of contact goes with the mesh
             cures["regularisation"] = self.shorter
-        largest = max(assembly.scales.tension, *map(abs, tensions))
         sideways, half = 1 in assembly.kinematics.components, 0.5 * assembly.strip.width
         for of, found in self.parts.items():
             wrong = []
-            if found is not None and found["tension"] > largest:
+            if found is not None and found["tension"] > self.tension:
                 wrong.append(f"tensions by {found['tension']:.2g} N/m, more than they are,")
             if found is not None and sideways and found["position"] > half:
                 wrong.append(f"positions by {found['position']:.2g} m, more than half the width,")
@@ -242,7 +245,7 @@ class Budget:
             f"wrinkles there may come from the mesh alone. {more}"
             for here, there in self.doubtful
         ]
-        found, scale = self.parts.get("mesh"), self.assembly.scales.tension
+        found, scale = self.parts.get("mesh"), self.tension
         asked = None if scene.strip.refined == "auto" else scene.solver.mesh_tolerance
         if found is None or found["tension"] <= (asked or LARGE_MESH_ERROR) * scale:
             return told
@@ -261,6 +264,7 @@ class Budget:
         released : collection of str
             Edges that were let go.
         """
+        self.pulled = max(map(abs, tension_readings(state).values()), default=0.0)
         exact, self.parts = state, dict.fromkeys(("path", "time", "mesh", "regularisation"))
         if memory is None or memory.errors is None:
             if (found := balance_state(frozen_problem(state), state)) is None:

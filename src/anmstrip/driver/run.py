@@ -29,7 +29,7 @@ from anmstrip.advice.warnings import (
 from anmstrip.arrays import Array
 from anmstrip.continuation.follow import Pace
 from anmstrip.continuation.path import Outcome, PathStopped
-from anmstrip.driver.budget import LARGE_MESH_ERROR, Budget, Part, tension_readings
+from anmstrip.driver.budget import LARGE_MESH_ERROR, Budget, Part
 from anmstrip.driver.recorder import Recorder, history_row, identity, kept_values, read_checkpoint
 from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import Named, as_path
@@ -521,7 +521,6 @@ class Run:
         settled = [*coarse_mesh(Preview(self.assembly, (), ()))] if self.fine_enough else []
         if self.outcome.done and state.plan.steady:  # nips hold more of bent strip than expected
             settled += beyond_capacity(Preview.of(self.assembly))
-        useless = self.budget.useless(tension_readings(state).values())
         seen = [words for rule in RULES_AT_END for words in rule(state, self.scene)]
         if (law := self.assembly.flow) is not None:
             seen += guessed_rate(self.scene, law.rate, self.flow)
@@ -533,7 +532,7 @@ class Run:
         if wrinkling is not None:
             found += self._of_wrinkles(state, wrinkling)
         beside = beside_rollers(state, self.scene)
-        return propose_one_mesh([*beside, *useless, *told, *seen, *found])
+        return propose_one_mesh([*beside, *self.budget.useless, *told, *seen, *found])
 
     def _of_wrinkles(self, state: State, wrinkling: Wrinkling) -> list[str]:
         """Return warnings of wrinkles that no onset has told, and of strip that is near them."""
@@ -628,7 +627,7 @@ class Run:
         found, share = self.errors()["mesh"], self.scene.solver.mesh_share
         if found is None or self.budget.doubtful or self._missed_wrinkles:
             return False
-        return found["tension"] <= share * self.assembly.scales.tension
+        return found["tension"] <= share * self.budget.tension
 
     def facts(self) -> dict[str, Any]:
         """Return the counters of the run, as in ``summary.json``."""

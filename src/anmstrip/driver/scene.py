@@ -270,7 +270,7 @@ class RefinedRun(Run):
             if known := [each["error"] for each in self.passes if each["error"] is not None]:
                 told += f", by less than {known[-1]:.2g} N/m, that of longer ones, if it converges"
         else:
-            scale = self.assembly.scales.tension
+            scale = self.budget.tension
             side = "below" if last["error"] <= share * scale else "above"
             told += f"makes tensions wrong by about {last['error']:.2g} N/m, {side}"
             told += f" the {share:g} of {scale:.5g} N/m that is asked for"
