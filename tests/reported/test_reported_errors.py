@@ -747,8 +747,8 @@ def test_errors_as_large_as_what_they_are_errors_of_are_told() -> None:
     assert len(found) == 2 and "tensions by 2e+05 N/m" in found[0]
     budget.pulled = 3e5  # by jaws, more than the scene's unit
     assert len(budget.useless) == 1
-    budget = Budget(Assembly(scene), parts={"mesh": small | {"tension": 240.0}})
-    assert "the mesh makes tensions wrong by about 240 N/m" in budget.of_mesh[0]
+    budget = Budget(Assembly(scene), parts={"mesh": small | {"tension": 1200.0}})
+    assert "the mesh makes tensions wrong by about 1.2e+03 N/m" in budget.of_mesh[0]
     budget.pulled = 3e5
     assert not budget.of_mesh
     smooth = Scene.from_tables(tomllib.loads(scenes.LIFTED), "lifted.toml")
