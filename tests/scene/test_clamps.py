@@ -12,10 +12,13 @@ import pytest
 from scipy.integrate import solve_bvp
 
 from anmstrip.advice.warnings import buckled_section
+from anmstrip.driver.accuracy import Accuracy
 from anmstrip.driver.explain import report
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
+from anmstrip.driver.sweep import row_of, run_scene
 from anmstrip.errors import InputError
+from anmstrip.pictures.report import write_report
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import free_spans
 from anmstrip.simulation.problem import Assembly
@@ -138,6 +141,30 @@ def test_the_moment_of_a_clamp_is_told(tmp_path: Path) -> None:
     assert told["entry"]["moment"] == pytest.approx(0.01, rel=2e-4)
     assert "moment" not in told["exit"]
     assert f" Moment {told['entry']['moment']:.6g} N at the entry." in report(run)
+
+
+def test_clamped_sides_are_told_everywhere(tmp_path: Path) -> None:
+    """Their moment and force, which balances the pressure; the report of such a run failed."""
+    edges = dict.fromkeys(("entry", "exit", "left", "right"), JAWS)
+    given = {
+        "strip": {"thickness": THICKNESS, "length": 0.4, "width": 0.2, "cells": [8, 4]},
+        "material": {"young": YOUNG, "poisson": 0.3},
+        "edges": edges,
+        "stages": [{"name": "blow", "pressure": 10.0}],
+    }
+    scene = Scene.model_validate(given)
+    summary = run_scene(scene, tmp_path / "sheet")
+    told, row = summary["edges"], row_of(summary)
+    whole = sum(told[name]["force"][2] for name in edges)
+    assert whole == pytest.approx(-10.0 * 0.08, rel=0.01)  # corners belong to two edges
+    assert told["left"]["moment"] == pytest.approx(told["right"]["moment"], rel=1e-9)
+    assert row["left_moment"] == told["left"]["moment"]
+    assert "left_tension" not in row
+    page = write_report(tmp_path / "sheet").read_text("utf-8")
+    assert "<td>left</td><td>–</td>" in page
+    study = Accuracy(scene, ["tolerance"], directory=tmp_path / "study")
+    list(study.run())
+    assert "A tolerance of 0.001" in study.advice()
 
 
 def test_heated_strip_between_jaws_bifurcates_as_a_column() -> None:

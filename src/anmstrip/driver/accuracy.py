@@ -22,6 +22,7 @@ from anmstrip.driver.sweep import CHECKPOINT, SUMMARY, Sweep, Variant, folder_na
 from anmstrip.errors import InputError, Mistake, as_path, as_texts
 from anmstrip.fem.sampling import displacement_at
 from anmstrip.results.files import load_checkpoint, read_json, write_table
+from anmstrip.scene.tables import ENDS
 from anmstrip.simulation.problem import Assembly
 
 if TYPE_CHECKING:
@@ -179,7 +180,7 @@ class Final:
         summary = read_json(variant.directory / SUMMARY)
         if summary is None or summary["status"] != "done":
             return None
-        tensions = {name: edge["tension"] for name, edge in summary["edges"].items()}
+        tensions = {name: summary["edges"][name]["tension"] for name in ENDS}
         forces: dict[str, float] = {}
         for name, roller in summary["rollers"].items():
             ends = {f"{name}.{end}": roller[f"tension_{end}"] for end in ("in", "out")}

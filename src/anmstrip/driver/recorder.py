@@ -206,7 +206,8 @@ class Recorder:
         if state is not None:
             edges = {n: {"tension": state.tension(n), "force": state.edge_force(n)} for n in ENDS}
             for name in self.assembly.scene.clamped:
-                edges.setdefault(name, {})["moment"] = state.clamp_moment(name)
+                edges.setdefault(name, {"force": state.edge_force(name)})
+                edges[name]["moment"] = state.clamp_moment(name)
             for name, reading in state.rollers.items():
                 cost = state.regularisation[name]
                 effect = {n: getattr(cost, f"by_{n}") for n in ("creep", "cone", "penetration")}

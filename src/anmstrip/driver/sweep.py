@@ -327,7 +327,7 @@ def row_of(summary: Mapping[str, Any]) -> dict[str, Any]:
     """Return the columns of the table for a scene, from its ``summary.json``."""
     row = {fact: summary.get(fact) for fact in FACT_COLUMNS}
     for edge, values in summary.get("edges", {}).items():
-        row[f"{edge}_tension"] = values["tension"]
+        row |= {f"{edge}_{key}": values[key] for key in ("tension", "moment") if key in values}
     return row | dict(flat_keys(summary.get("rollers", {}), between="_"))
 
 

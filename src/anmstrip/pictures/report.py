@@ -266,9 +266,10 @@ def html_tables(summary: Mapping[str, Any]) -> Iterable[str]:
         title = "Sharpest bends, and the curl and crossbow of unloaded strip behind the roller"
         yield rows_by_roller(title, bends, BEND_TABLE)
     if edges := summary.get("edges"):
-        ends = ((name, e["tension"], *e["force"]) for name, e in edges.items())
-        rows = ([name, *map(format_number, values)] for name, *values in ends)
-        yield html_table("Ends", ["end", "tension (N/m)", "force x (N)", "y (N)", "z (N)"], rows)
+        heads = ["edge", "tension (N/m)", "force x (N)", "y (N)", "z (N)", "moment (N)"]
+        read = ((n, e.get("tension"), *e["force"], e.get("moment")) for n, e in edges.items())
+        rows = ([name, *map(format_number, values)] for name, *values in read)
+        yield html_table("Edges", heads, rows)
     if errors := summary.get("errors"):
         heads = ["of", "tension (N/m)", "roller's force (N)", "position (m)"]
         yield html_table("Estimated errors, the largest of each kind", heads, error_rows(errors))
