@@ -143,6 +143,23 @@ def test_the_moment_of_a_clamp_is_told(tmp_path: Path) -> None:
     assert f" Moment {told['entry']['moment']:.6g} N at the entry." in report(run)
 
 
+@pytest.mark.parametrize("thickness", [1e-4, 1e-3])
+def test_strip_that_pressure_bends_between_jaws(thickness: float) -> None:
+    """On the usual mesh the moment was twice that of a beam under its tension, which stretches it.
+
+    p L λ/2 (coth u − 1/u), λ = √(D/T), u = L/2λ.
+    """
+    length, pressure = 0.5, 1e3
+    edges = dict.fromkeys(("entry", "exit"), JAWS | {"fixed": ["x", "z"]})
+    strip = {"kinematics": "section", "length": length, "width": 0.1, "thickness": thickness}
+    stages = [{"name": "blow", "pressure": pressure}]
+    state = solved(stages, edges, strip=strip, poisson=0.3)
+    layer = np.sqrt(YOUNG * thickness**3 / 12.0 / 0.91 / state.tension("entry"))
+    u = 0.5 * length / layer
+    moment = 0.5 * pressure * length * layer * (1.0 / np.tanh(u) - 1.0 / u)
+    assert abs(state.clamp_moment("entry")) == pytest.approx(moment, rel=2e-3)
+
+
 def test_clamped_sides_are_told_everywhere(tmp_path: Path) -> None:
     """Their moment and force, which balances the pressure; the report of such a run failed."""
     edges = dict.fromkeys(("entry", "exit", "left", "right"), JAWS)

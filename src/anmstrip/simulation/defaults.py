@@ -379,6 +379,18 @@ def tension_of_moves(scene: SceneSpec) -> float:
     return scene.strip.thickness * min(stretched, flow_stress(scene) or np.inf)
 
 
+def tension_of_loads(scene: SceneSpec) -> float:
+    """Return what pulls flat strip between held ends (N/m) as weight or pressure q bends it.
+
+    T³ = E t (q L)²/24, without rollers, of strip that hardly resists bending.
+    """
+    length, m = scene.strip.length, scene.material
+    if length is None or scene.threading or scene.rollers or len(held_ends(scene)) < len(ENDS):
+        return 0.0
+    load = distributed_load(scene) * length
+    return float(np.cbrt(m.young * scene.strip.thickness * load**2 / 24.0))
+
+
 def load_of_moves(scene: SceneSpec) -> float:
     """Return the largest load (N/m) of a roller that moves into flat strip and bends it.
 
@@ -427,11 +439,12 @@ def bending_stiffness(scene: SceneSpec) -> float:
 
 
 def boundary_layer(scene: SceneSpec) -> float:
-    """√(D/T) (m) of the largest tension, given or by moves, or what a foundation leaves of it.
+    """√(D/T) (m) of the largest tension, given, by moves or loads, or what a foundation leaves.
 
     That is (4 D/k)^(1/4) (Hetényi, Beams on elastic foundation, 1946); without both infinite.
     """
     tension, k = largest_force(scene) or tension_of_moves(scene), scene.strip.foundation
+    tension = tension or tension_of_loads(scene)
     layer = float(np.sqrt(bending_stiffness(scene) / tension)) if tension > 0.0 else np.inf
     return min(layer, (4.0 * bending_stiffness(scene) / k) ** 0.25) if k else layer
 
