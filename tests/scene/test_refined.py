@@ -68,6 +68,7 @@ def test_a_path_that_stops_is_followed_on_finer_meshes_until_tangents_are_used_u
     run = ran(*AUTO, "solver.max_tangents=3")
     assert isinstance(run, RefinedRun)
     assert len(run.passes) == 1
+    assert "\nOn elements of " in run.message  # what may be typed ends its line
 
 
 def test_it_is_said_before_and_not_resumed(tmp_path: Path) -> None:

@@ -256,7 +256,8 @@ class RefinedRun(Run):
             spent = self.outcome in (Outcome.TOO_MANY_STEPS, Outcome.TOO_MANY_TANGENTS)
             spent |= self.stopped is not None and self.stopped.width is not None
             if self.fine_enough or spent or not self.assembly.can_halve:
-                self.message += self.words()
+                between = " " if self.outcome.done else "\n"  # behind what may be typed
+                self.message += between + self.words()
                 self._finish()
                 return
             restart(self, {("strip", "finer"): 2.0 * told["finer"]})
@@ -264,7 +265,7 @@ class RefinedRun(Run):
     def words(self) -> str:
         """Return what refinement has come to, as a sentence."""
         last, share = self.passes[-1], self.scene.solver.mesh_share
-        told = f" On elements of {last['element']:.2g} m ({len(self.passes)} run(s)) the mesh "
+        told = f"On elements of {last['element']:.2g} m ({len(self.passes)} run(s)) the mesh "
         if last["error"] is None:
             told += "makes tensions wrong by an unknown part"
             if known := [each["error"] for each in self.passes if each["error"] is not None]:
