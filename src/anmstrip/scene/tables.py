@@ -151,7 +151,8 @@ class FieldSpec(Table):
     """
 
     across: tuple[Number, ...] = Field((), examples=["[20.0, 0.0, 80.0]"], max_length=12)
-    """c0, c1, …: c0 + c1 η + c2 η² + … at η = y / width from -1/2 to 1/2, numbers (1)"""
+    """c0, c1, …: c0 + c1 η + c2 η² + … at η = y / width from -1/2 to 1/2, numbers; pairs of η and
+    value are a table (1)"""
     table: tuple[tuple[Number, Number], ...] = Field(
         (), examples=["[[-0.5, 40.0], [0.0, 20.0], [0.5, 40.0]]"]
     )
