@@ -57,7 +57,11 @@ class FakeRun:
     def outcome(self) -> SimpleNamespace:
         return SimpleNamespace(done=self.done)
 
+    early: bool = False  # whether it is interrupted before it has begun
+
     def forewarnings(self) -> tuple[str, ...]:
+        if self.early:
+            raise KeyboardInterrupt
         return self.forewarned
 
     def interrupted(self) -> None:
@@ -178,8 +182,9 @@ def test_run_that_stops_early(fakes: Fakes) -> None:
     assert "results/capstan" in result.stdout
 
 
-def test_run_that_is_interrupted(fakes: Fakes) -> None:
-    fakes.put_run(end=KeyboardInterrupt())
+@pytest.mark.parametrize("ending", [{"end": KeyboardInterrupt()}, {"early": True}])
+def test_run_that_is_interrupted(fakes: Fakes, ending: dict[str, Any]) -> None:
+    fakes.put_run(**ending)
     result = typed("run", CAPSTAN)
     ((_, _, run),) = fakes.calls
     assert (result.exit_code, run.saved) == (1, [True])

@@ -279,11 +279,12 @@ def run_command(
     loaded = Scene.load(scene, settings)
     directory = directory or Path("results", loaded.name)
     running = loaded.run(directory, resume=resume)
-    told = () if quiet else tuple(running.forewarnings())
-    for line in told:
-        click.echo(f"Warning: {line}", err=True)
+    told: tuple[str, ...] = ()
     with interruptions() as signals:
         try:
+            told = () if quiet else tuple(running.forewarnings())
+            for line in told:
+                click.echo(f"Warning: {line}", err=True)
             for _ in running if quiet else show_progress(running, describe_step):
                 if signals:
                     raise KeyboardInterrupt
