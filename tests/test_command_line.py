@@ -50,14 +50,13 @@ class FakeRun:
     message: str = "Reached the end."
     warnings: tuple[str, ...] = ("The strip is compressed.",)
     forewarned: tuple[str, ...] = ()
+    early: bool = False  # whether it is interrupted before it has begun
     reported: None = None
     saved: list[bool] = field(default_factory=list)
 
     @property
     def outcome(self) -> SimpleNamespace:
         return SimpleNamespace(done=self.done)
-
-    early: bool = False  # whether it is interrupted before it has begun
 
     def forewarnings(self) -> tuple[str, ...]:
         if self.early:
