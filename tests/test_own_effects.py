@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 from scipy.integrate import solve_ivp
 
-from anmstrip import ContactOperator, InputError, LawEffect, Run, Scene, Strip
+from anmstrip import ContactOperator, Effect, InputError, LawEffect, Run, Scene, Strip
 from anmstrip.cli import main
 
 LENGTH, WIDTH, THICKNESS, YOUNG, POISSON = 4.0, 1.0, 5e-3, 2e11, 0.3
@@ -58,22 +58,45 @@ def test_strip_on_an_elastic_foundation() -> None:
     assert run.effects["foundation"]["points"] == 161
 
 
-@pytest.mark.parametrize("names", [["drives"], ["bath", "bath"], [None]])
-def test_an_effect_has_a_name_of_its_own(names: list[str | None]) -> None:
+def named(name: str | None) -> Any:
+    """Return what makes an effect with a name, or something else than an effect."""
+    effect = type("Named", (Foundation,), {"name": name})
+    return lambda strip: effect(strip, 1.0) if name else None
+
+
+class Nameless(LawEffect):
+    """Without a name, which was an AttributeError."""
+
+    def __init__(self, strip: Strip) -> None:
+        self.operator = ContactOperator(strip)
+
+
+class Lawless(Effect):
+    """Without a law, of which no series follows; that was an AssertionError."""
+
+    name, points = "lawless", 0
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        [named("drives")],
+        [named("bath"), named("bath")],
+        [named(None)],
+        [Nameless],
+        [lambda strip: Lawless()],
+    ],
+)
+def test_an_effect_has_a_law_and_a_name_of_its_own(effects: list[Any]) -> None:
     """A state asks for effects by name: one named drives was taken for the rollers' own."""
-
-    def named(name: str | None) -> Any:
-        effect = type("Named", (Foundation,), {"name": name})
-        return lambda strip: effect(strip, 1.0) if name else None
-
     scene = Scene(
         strip={"length": LENGTH, "width": WIDTH, "thickness": THICKNESS, "kinematics": "section"},
         material={"young": YOUNG, "poisson": POISSON},
         edges={"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["z"]}},
         stages=[{"duration": 1.0, "exit": {"force": [1e3, 0.0, 0.0]}}],
     )
-    with pytest.raises(InputError, match="a name that no other effect has"):
-        list(Run(scene, effects=[named(name) for name in names]))
+    with pytest.raises(InputError, match=r"LawEffect with a name that no other effect has"):
+        list(Run(scene, effects=effects))
 
 
 STRIBECK = """
