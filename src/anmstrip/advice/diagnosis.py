@@ -360,8 +360,10 @@ def slack(failure: Failure) -> str | None:
         nodes, threaded = strip.mesh.t[:, worst], failure.assembly.thread is not None
         at = place_of(nodes, failure.state, threaded)
         found = f"pressed at {at} with {-least[worst]:.3g} N/m, and buckles"
+    elif (pull := float(mean[0, 0].max())) < -euler / strip.length**2 < 0.0:
+        return snapping(failure, -pull)
     elif not carries_itself(seen, seen.plans[-1], seen.strings[-1].span) and (
-        mean[0, 0].max() < euler / strip.length**2
+        pull < euler / strip.length**2
         or (failure.stopped.outcome is Outcome.SINGULAR and not forces.any())
     ):
         found = "under no tension, which is what holds a thin strip in shape"
@@ -375,6 +377,17 @@ def slack(failure: Failure) -> str | None:
     crooked = next(physics.slack_edge(seen), "")
     cure = uneven_heat(failure, -least[worst]) or pressed_by_ends(failure, mean[0, 0, worst])
     return f"The strip is {found}. {cure or as_sentence(crooked) or more_tension(failure)}"
+
+
+def snapping(failure: Failure, pressed: float) -> str:
+    """Say that strip that has buckled, pressed all along (N/m), finds no shape nearby."""
+    plan, name, farthest = failure.plan, failure.stage.name, failure.stopped.farthest
+    reached = failure.state.control if plan.in_time or farthest is None else farthest
+    return (
+        f"The strip is pressed by {pressed:.3g} N/m all along and has buckled: here it snaps to "
+        f"another shape. Try at most {np.floor(99.0 * reached) / 100.0:.2g} of what stage {name} "
+        "moves and loads."
+    )
 
 
 def pressed_by_ends(failure: Failure, pull: float) -> str | None:
