@@ -546,7 +546,7 @@ class Run:
         for span, words in zip(wrinkling.near, wrinkling.warnings, strict=True):
             times = borne.get((span.before, span.after), 0.0)
             more = f" Its modes on this mesh bear {times:.2g} times this compression."
-            told.append(words + more * (times > 1.0))
+            told.append(words + more * (times > 0.0))
         return [*told, *watch.warnings]
 
     def _readings(self, state: State, wrinkling: Wrinkling | None) -> dict[str, Any]:

@@ -101,8 +101,8 @@ class Span:
     def __str__(self) -> str:
         return (
             f"compressed by {self.compression:.3g} N/m between {self.before} and {self.after}, "
-            f"over {100.0 * self.share:.0f} % of the width; wrinkles are likely above about "
-            f"{max(self.bearable * self.compression / self.mean, self.part):.3g} N/m."
+            f"over {100.0 * self.share:.0f} % of the width; by a rule of thumb it wrinkles above "
+            f"about {max(self.bearable * self.compression / self.mean, self.part):.3g} N/m."
         )
 
 
