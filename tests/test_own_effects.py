@@ -99,6 +99,39 @@ def test_an_effect_has_a_law_and_a_name_of_its_own(effects: list[Any]) -> None:
         list(Run(scene, effects=effects))
 
 
+class Attraction(LawEffect):
+    """An electrode above the strip: p = b D g/L⁴ over (1 − w/g)², with b as the exit is pushed."""
+
+    name = "attraction"
+
+    def __init__(self, strip: Strip) -> None:
+        self.operator = ContactOperator(strip)
+
+    def law(self, x: Any, v: Any, controls: Any) -> Any:
+        pull = controls["exit.force"][0] * (100.0 * 2e11 * 1e-9 / 12.0 * 1e-2)
+        return np.stack([0.0 * x[0], (1.0 - x[1] * 100.0) ** -2 * pull])
+
+
+def test_strip_is_drawn_to_an_electrode_from_a_limit_point_on() -> None:
+    """At b = 70.1 between jaws (Tilmans & Legtenberg 1994); only the stop after it was told."""
+    jaws = {"clamped": True, "fixed": ["x", "z"]}
+    scene = Scene(
+        strip={"kinematics": "section", "length": 1.0, "width": 0.1, "thickness": 1e-3},
+        material={"young": 2e11, "poisson": 0.0},
+        edges={"entry": jaws, "exit": jaws | {"fixed": ["z"]}},
+        stages=[{"name": "charge", "exit": {"force": [-1.0, 0.0, 0.0]}}],
+    )
+    run = scene.run(effects=[Attraction])
+    for _ in run:
+        pass
+    found = re.search(
+        r"the path turned back at a limit point at t = (\S+) s with exit.force of (\S+);",
+        run.message,
+    )
+    assert found, run.message
+    assert float(found[1]) == pytest.approx(0.701, abs=2e-3) == float(found[2])
+
+
 STRIBECK = """
 from dataclasses import dataclass
 from typing import Any

@@ -62,6 +62,10 @@ USUAL_STEP, TURNING_SPEEDS = 0.01, 1e3
 """A usual step over the duration of a stage; speeds from which on friction is seen to turn."""
 
 
+TURNED_BACK = 1e-3
+"""Share of a stage by which a path has gone back that is told to have turned."""
+
+
 @dataclass(frozen=True)
 class Location:
     """A node of the strip at which a path has failed."""
@@ -166,14 +170,16 @@ def diagnosis(failure: Failure, cause: str | None = None) -> str:
 def turning_point(failure: Failure) -> str:
     """Say where a path turned back: when, and what the stage had changed until then."""
     farthest, plan = failure.stopped.farthest, failure.plan
-    if failure.stopped.outcome is not Outcome.FOLD or farthest is None:
+    if farthest is None or plan.in_time or farthest - failure.state.control < TURNED_BACK:
         return ""
+    fold = failure.stopped.outcome is Outcome.FOLD
+    said = "" if fold else ", after the path turned back at a limit point"
     reached = plan.controls.at(farthest)
     sizes = {k: np.linalg.norm(v) for k, v in reached.items() if not v.ndim or k.endswith("force")}
     moving = {k: size for k, size in sizes.items() if k in plan.controls.slope}
     changed = [f"{failure.scene.as_typed(k)} of {size:.3g}" for k, size in moving.items()]
     with_what = f" with {', '.join(changed)}" if changed else ""
-    return f" at t = {plan.start + farthest * plan.duration:.6g} s{with_what}"
+    return f"{said} at t = {plan.start + farthest * plan.duration:.6g} s{with_what}"
 
 
 def too_many_steps(failure: Failure) -> str | None:
