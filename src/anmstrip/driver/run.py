@@ -218,8 +218,8 @@ class Run:
     resume : bool
         Go on from the checkpoint in the directory.
     effects : iterable of callables, optional
-        Effects of one's own, each a function of the strip that returns an
-        :class:`~anmstrip.mechanics.effects.Effect`; they act in every stage.
+        Effects of one's own, each a function of the strip that returns a
+        :class:`~anmstrip.mechanics.effects.LawEffect`; they act in every stage, in full at once.
 
     Attributes
     ----------
