@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 from scipy.integrate import solve_ivp
 
-from anmstrip import ContactOperator, InputError, LawEffect, Run, Scene, Strip
+from anmstrip import ContactOperator, Effect, InputError, LawEffect, Run, Scene, Strip
 from anmstrip.cli import main
 
 LENGTH, WIDTH, THICKNESS, YOUNG, POISSON = 4.0, 1.0, 5e-3, 2e11, 0.3
@@ -58,22 +58,78 @@ def test_strip_on_an_elastic_foundation() -> None:
     assert run.effects["foundation"]["points"] == 161
 
 
-@pytest.mark.parametrize("names", [["drives"], ["bath", "bath"], [None]])
-def test_an_effect_has_a_name_of_its_own(names: list[str | None]) -> None:
+def named(name: str | None) -> Any:
+    """Return what makes an effect with a name, or something else than an effect."""
+    effect = type("Named", (Foundation,), {"name": name})
+    return lambda strip: effect(strip, 1.0) if name else None
+
+
+class Nameless(LawEffect):
+    """Without a name, which was an AttributeError."""
+
+    def __init__(self, strip: Strip) -> None:
+        self.operator = ContactOperator(strip)
+
+
+class Lawless(Effect):
+    """Without a law, of which no series follows; that was an AssertionError."""
+
+    name, points = "lawless", 0
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        [named("drives")],
+        [named("bath"), named("bath")],
+        [named(None)],
+        [Nameless],
+        [lambda strip: Lawless()],
+    ],
+)
+def test_an_effect_has_a_law_and_a_name_of_its_own(effects: list[Any]) -> None:
     """A state asks for effects by name: one named drives was taken for the rollers' own."""
-
-    def named(name: str | None) -> Any:
-        effect = type("Named", (Foundation,), {"name": name})
-        return lambda strip: effect(strip, 1.0) if name else None
-
     scene = Scene(
         strip={"length": LENGTH, "width": WIDTH, "thickness": THICKNESS, "kinematics": "section"},
         material={"young": YOUNG, "poisson": POISSON},
         edges={"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["z"]}},
         stages=[{"duration": 1.0, "exit": {"force": [1e3, 0.0, 0.0]}}],
     )
-    with pytest.raises(InputError, match="a name that no other effect has"):
-        list(Run(scene, effects=[named(name) for name in names]))
+    with pytest.raises(InputError, match=r"LawEffect with a name that no other effect has"):
+        list(Run(scene, effects=effects))
+
+
+class Attraction(LawEffect):
+    """An electrode above the strip: p = b D g/L⁴ over (1 − w/g)², with b as the exit is pushed."""
+
+    name = "attraction"
+
+    def __init__(self, strip: Strip) -> None:
+        self.operator = ContactOperator(strip)
+
+    def law(self, x: Any, v: Any, controls: Any) -> Any:
+        pull = controls["exit.force"][0] * (100.0 * 2e11 * 1e-9 / 12.0 * 1e-2)
+        return np.stack([0.0 * x[0], (1.0 - x[1] * 100.0) ** -2 * pull])
+
+
+def test_strip_is_drawn_to_an_electrode_from_a_limit_point_on() -> None:
+    """At b = 70.1 between jaws (Tilmans & Legtenberg 1994); only the stop after it was told."""
+    jaws = {"clamped": True, "fixed": ["x", "z"]}
+    scene = Scene(
+        strip={"kinematics": "section", "length": 1.0, "width": 0.1, "thickness": 1e-3},
+        material={"young": 2e11, "poisson": 0.0},
+        edges={"entry": jaws, "exit": jaws | {"fixed": ["z"]}},
+        stages=[{"name": "charge", "exit": {"force": [-1.0, 0.0, 0.0]}}],
+    )
+    run = scene.run(effects=[Attraction])
+    for _ in run:
+        pass
+    found = re.search(
+        r"the path turned back at a limit point at t = (\S+) s with exit.force of (\S+);",
+        run.message,
+    )
+    assert found, run.message
+    assert float(found[1]) == pytest.approx(0.701, abs=2e-3) == float(found[2])
 
 
 STRIBECK = """

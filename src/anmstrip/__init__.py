@@ -40,7 +40,7 @@ from typing import Any
 _NAMES = {
     "continuation.bifurcations": "switch_branch watch_singular_points",
     "continuation.follow": "Settings follow",
-    "continuation.path": "Branch Path",
+    "continuation.path": "Branch Equations Path",
     "driver.accuracy": "Accuracy accuracy",
     "driver.run": "Run",
     "driver.scene": "Scene",
@@ -48,7 +48,7 @@ _NAMES = {
     "fem.geometry": "reference_surface",
     "fem.sampling": "ContactOperator",
     "fem.strip": "Material Strip grid",
-    "linalg.solvers": "Remembering",
+    "linalg.solvers": "DenseSolver Remembering SparseSolver",
     "mechanics.effects": "Effect LawEffect",
     "mechanics.laws": "Algebraic ContactLaw FrictionLaw NortonHoff Tanh "
     "Signorini RepulsiveSignorini GradedSignorini",

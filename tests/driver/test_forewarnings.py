@@ -1313,6 +1313,17 @@ def test_a_run_ends_where_a_torque_has_turned_a_roller_through(tmp_path: Path) -
     assert all(step.state for step in cured) and cured.outcome.done
 
 
+def test_strip_that_hangs_from_its_entry_is_not_free_to_turn() -> None:
+    """Its weight pulls it straight; it was told to be in equilibrium at any angle."""
+    tables = {
+        "strip": {"kinematics": "section", "length": 10.0, "width": 1.0, "thickness": 1e-3},
+        "material": {"young": 2e11, "poisson": 0.3, "density": 7850.0},
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [{"name": "hang", "gravity": [9.81, 0.0, 0.0]}],
+    }
+    assert list(warnings(preview_of(tables))) == []
+
+
 @pytest.mark.parametrize("plastic", [None, {}])
 def test_strip_that_turns_about_its_entry_is_told(plastic: dict[str, Any] | None) -> None:
     """Bent by moments that balance, with nothing that holds its exit across."""

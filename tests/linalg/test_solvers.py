@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.sparse import csc_matrix, csr_matrix, diags
+from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, diags
 
 from anmstrip.linalg import solvers as linear_solvers
 from anmstrip.linalg.direct import (
@@ -241,6 +241,17 @@ def test_what_the_diagonal_cannot_do_is_refined_or_pivoted(plan, pivot):
     matrix, b = csc_matrix(a), np.arange(1.0, 13.0)
     found = plan(matrix).factorise(matrix).solve(b)
     np.testing.assert_allclose(found, np.linalg.solve(a, b), rtol=1e-11)
+
+
+@pytest.mark.parametrize(
+    "form", [np.asarray, csr_matrix, coo_matrix], ids=lambda form: form.__name__
+)
+def test_matrix_of_another_form_is_taken_for_what_it_is(form):
+    """Rows were taken for columns, which solved the transposed equations."""
+    full = np.array([[4.0, 1.0, 0.0], [0.0, 3.0, 2.0], [1.0, 0.0, 5.0]])
+    b = np.array([1.0, 2.0, 3.0])
+    found = SparseSolver().factorise(form(full)).solve(b)
+    np.testing.assert_allclose(full @ found, b, rtol=1e-12)
 
 
 def test_entries_in_any_order_within_a_column():

@@ -709,7 +709,10 @@ def test_strip_that_is_stretched_and_pushed_back_is_told_to_buckle(
             "compressive_membrane_force"
         ] == pytest.approx(pressed, rel=0.02)
         column = np.pi**2 * 7e10 * 2.7e-8 / 12.0 / (1.0 - 0.33**2)
-        assert any(f"wrinkles are likely above about {column:.3g} N/m" in w for w in run.warnings)
+        assert any(
+            f"by a rule of thumb it wrinkles above about {column:.3g} N/m" in w
+            for w in run.warnings
+        )
 
 
 # the rate that is guessed ---------------------------------------------------------------------

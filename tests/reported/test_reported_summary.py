@@ -352,7 +352,7 @@ def test_compressed_spans_are_warned_of(thin: Results, shell: Results) -> None:
         pressed = pressure[inside].max()
         words = (
             f"the strip is compressed by {pressed:.3g} N/m between {before} and {after}, over "
-            f"{100.0 * share:.0f} % of the width; wrinkles are likely"
+            f"{100.0 * share:.0f} % of the width; by a rule of thumb it wrinkles"
         )
         if mean > 0.5 * bearable:
             expected.append((words, pytest.approx(bearable * pressed / mean, rel=0.02)))

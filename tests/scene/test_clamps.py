@@ -305,6 +305,33 @@ def test_sheet_that_has_bifurcated_is_told_how_it_wrinkles(tmp_path: Path) -> No
     assert np.abs(displacements(last.state)[:, 2]).max() == pytest.approx(height, rel=0.02)
 
 
+@pytest.mark.parametrize(
+    ("held", "number"), [([], 0.25), (["left"], 0.675), (["left", "right"], 4.0)]
+)
+def test_shell_held_at_its_sides_bears_what_a_plate_does(held: list[str], number: float) -> None:
+    """Over π² D/W²; it was told to wrinkle above π² D/L², a sixteenth of what it bears."""
+    push = {"name": "push", "exit": {"force": [-1.0, 0.0, 0.0]}}
+    edges = {"entry": {"fixed": ["x", "z"], "centred": True}, "exit": {"fixed": ["z"]}}
+    edges |= {name: {"fixed": ["z"]} for name in held}
+    strip = {"length": 1.0, "width": 0.5, "cells": [8, 4]}
+    (span,) = free_spans(solved([push], edges, strip=strip))
+    assert span.bearable == pytest.approx(number * np.pi**2 * STIFFNESS / 0.5**2, rel=1e-3)
+
+
+def test_strip_that_a_moment_rolls_up_is_not_pressed() -> None:
+    """The energy of u,ab has N = −M κ where no force acts, which was told to buckle the strip."""
+    given = {
+        "strip": {"thickness": THICKNESS, "kinematics": "section", "length": 1.0, "width": 0.1},
+        "material": {"young": YOUNG, "poisson": 0.0},
+        "edges": {"entry": {"fixed": ["x", "z"], "clamped": True}},
+        "stages": [{"name": "roll", "exit": {"moment": 2.0 * np.pi * STIFFNESS}}],
+    }
+    run = Run(Scene.model_validate(given))
+    *_, last = run
+    assert last.state.membrane_forces.mean() < -0.9 * STIFFNESS * (2.0 * np.pi) ** 2
+    assert list(buckled_section(last.state, run.scene)) == []
+
+
 def test_strip_pushed_against_a_jaw_is_a_column_with_a_free_end() -> None:
     """π² D/4L²; it was told to turn freely about its jaw."""
     found = []

@@ -156,7 +156,9 @@ def test_span_is_told_with_its_compression():
     assert span.bearable == pytest.approx(EULER, rel=1e-3)
     assert Wrinkling(state).warnings == []
     _, near = ended(pressed(0.9))
-    assert f"wrinkles are likely above about {EULER:.3g} N/m" in Wrinkling(near).warnings[0]
+    assert (
+        f"by a rule of thumb it wrinkles above about {EULER:.3g} N/m" in Wrinkling(near).warnings[0]
+    )
 
 
 def test_compression_by_a_node_that_is_centred_is_left_out():

@@ -129,6 +129,7 @@ def test_override_may_mend_the_file(tmp_path: Path) -> None:
         ("rollers.r2.radius=0.3", "one of: r1"),
         ("stages.tun.duration=1", "turn (the nearest known one)"),
         ("strip.length.x=1", "a table"),
+        ("rollers.r1.centre.2=1", "--set 'rollers.r1.centre=[0.0, 0.0, -0.501]'"),
         ("strip.thickness=-1", "above 0 (m)"),
         ("strip=3", "[strip]"),
         ("friction.law=tanh", """--set 'friction.law="tanh"'"""),

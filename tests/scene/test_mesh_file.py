@@ -7,6 +7,7 @@ from typing import Any
 import meshio
 import numpy as np
 import pytest
+from skfem import MeshTri
 
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
@@ -196,3 +197,26 @@ def test_small_roller_between_two_nodes_is_found() -> None:
 def test_centred_needs_a_node_in_the_middle() -> None:
     found = refused(Scene.model_validate(tables(length=2.0, width=0.8, cells=[4, 3])))
     assert set(found) == {"strip.cells"}
+
+
+def test_plate_on_supports_bends_the_same_at_any_angle(written: Callable[..., Path]) -> None:
+    """0.00406235 q a⁴/D (Navier); slopes along y were held on its oblique edges: 29 % too stiff."""
+    x, c, s = np.linspace(-0.5, 0.5, 5), np.cos(np.pi / 9.0), np.sin(np.pi / 9.0)
+    mesh = MeshTri.init_tensor(x, x)
+    sides = {"entry": (0, -0.5), "exit": (0, 0.5), "left": (1, 0.5), "right": (1, -0.5)}
+    edges = {
+        name: mesh.facets[:, mesh.facets_satisfying(lambda p, k=k, at=at: np.isclose(p[k], at))].T
+        for name, (k, at) in sides.items()
+    }
+    path = written((np.array([[c, -s], [s, c]]) @ mesh.p).T, [("triangle", mesh.t.T)], edges)
+    scene = Scene(
+        strip={"mesh": str(path), "thickness": 0.01},
+        material={"young": 2e11, "poisson": 0.3},
+        edges={name: {"fixed": ["x", "y", "z"] if name == "entry" else ["z"]} for name in sides},
+        stages=[{"name": "press", "pressure": 100.0}],
+    )
+    *_, last = scene.run()
+    strip = last.state.plan.model.strip
+    middle = strip.nodal(last.state.full)[strip.node_values][:, 2].max()
+    stiffness = 2e11 * 1e-6 / 12.0 / (1.0 - 0.3**2)
+    assert middle == pytest.approx(0.00406235 * 100.0 / stiffness, rel=2e-2)

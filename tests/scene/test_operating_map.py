@@ -140,6 +140,7 @@ def test_second_control_goes_from_value_to_value() -> None:
     tables["stages"][-1] |= {"strip": {"speed": low}, "exit": {"tension": 9e3}}
     _, state = ended(Scene.model_validate(tables))
     assert made.rows[0]["entry_tension"] == pytest.approx(state.tension("entry"), rel=1e-5)
+    assert all(len(repr(curve)) < 100 for curve in made.curves)  # a notebook shows it
 
 
 def test_scene_that_pulls_another_way_goes_to_the_range_first() -> None:

@@ -36,6 +36,11 @@ def test_stretches_are_those_of_a_strip_under_tension(tension: float) -> None:
     assert across**2 == pytest.approx(1.0 - 0.6 * strain)
 
 
+def test_strip_that_nothing_could_pull_so_far_has_a_width() -> None:
+    """In MPa instead of Pa it had none, and values were not finite."""
+    assert uniaxial_stretches(1e4, 2e2, 0.3)[1] == 0.5
+
+
 @pytest.mark.parametrize("name", SCENES)
 def test_equilibrium_is_found(name: str) -> None:
     """Nothing rubs, so the tension is everywhere the same, and turns are those of the belt."""

@@ -62,6 +62,10 @@ USUAL_STEP, TURNING_SPEEDS = 0.01, 1e3
 """A usual step over the duration of a stage; speeds from which on friction is seen to turn."""
 
 
+TURNED_BACK = 1e-3
+"""Share of a stage by which a path has gone back that is told to have turned."""
+
+
 @dataclass(frozen=True)
 class Location:
     """A node of the strip at which a path has failed."""
@@ -166,14 +170,16 @@ def diagnosis(failure: Failure, cause: str | None = None) -> str:
 def turning_point(failure: Failure) -> str:
     """Say where a path turned back: when, and what the stage had changed until then."""
     farthest, plan = failure.stopped.farthest, failure.plan
-    if failure.stopped.outcome is not Outcome.FOLD or farthest is None:
+    if farthest is None or plan.in_time or farthest - failure.state.control < TURNED_BACK:
         return ""
+    fold = failure.stopped.outcome is Outcome.FOLD
+    said = "" if fold else ", after the path turned back at a limit point"
     reached = plan.controls.at(farthest)
     sizes = {k: np.linalg.norm(v) for k, v in reached.items() if not v.ndim or k.endswith("force")}
     moving = {k: size for k, size in sizes.items() if k in plan.controls.slope}
     changed = [f"{failure.scene.as_typed(k)} of {size:.3g}" for k, size in moving.items()]
     with_what = f" with {', '.join(changed)}" if changed else ""
-    return f" at t = {plan.start + farthest * plan.duration:.6g} s{with_what}"
+    return f"{said} at t = {plan.start + farthest * plan.duration:.6g} s{with_what}"
 
 
 def too_many_steps(failure: Failure) -> str | None:
@@ -360,8 +366,10 @@ def slack(failure: Failure) -> str | None:
         nodes, threaded = strip.mesh.t[:, worst], failure.assembly.thread is not None
         at = place_of(nodes, failure.state, threaded)
         found = f"pressed at {at} with {-least[worst]:.3g} N/m, and buckles"
+    elif (pull := float(mean[0, 0].max())) < -euler / strip.length**2 < 0.0:
+        return snapping(failure, -pull)
     elif not carries_itself(seen, seen.plans[-1], seen.strings[-1].span) and (
-        mean[0, 0].max() < euler / strip.length**2
+        pull < euler / strip.length**2
         or (failure.stopped.outcome is Outcome.SINGULAR and not forces.any())
     ):
         found = "under no tension, which is what holds a thin strip in shape"
@@ -375,6 +383,17 @@ def slack(failure: Failure) -> str | None:
     crooked = next(physics.slack_edge(seen), "")
     cure = uneven_heat(failure, -least[worst]) or pressed_by_ends(failure, mean[0, 0, worst])
     return f"The strip is {found}. {cure or as_sentence(crooked) or more_tension(failure)}"
+
+
+def snapping(failure: Failure, pressed: float) -> str:
+    """Say that strip that has buckled, pressed all along (N/m), finds no shape nearby."""
+    plan, name, farthest = failure.plan, failure.stage.name, failure.stopped.farthest
+    reached = failure.state.control if plan.in_time or farthest is None else farthest
+    return (
+        f"The strip is pressed by {pressed:.3g} N/m all along and has buckled: here it snaps to "
+        f"another shape. Try at most {np.floor(99.0 * reached) / 100.0:.2g} of what stage {name} "
+        "moves and loads."
+    )
 
 
 def pressed_by_ends(failure: Failure, pull: float) -> str | None:

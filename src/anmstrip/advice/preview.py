@@ -334,6 +334,7 @@ def flat_states(
 ) -> Iterator[tuple[StageProblem, Array]]:
     """Yield a stage of a flat strip with its state, stretched by what pulls there, (unknowns,).
 
+    Weight along it stretches it by the mean of its tension.
     Strip that yields is stretched no further than half of that: what holds it is the same.
     What the strip touches after the first stage is not known; but from a roller to an end that is
     pulled along its own direction it is straight again, and turns about the roller as it would
@@ -349,7 +350,9 @@ def flat_states(
     if first:
         bends = assembly.scene.strip.bending
         drawn = defaults.tension_of_moves(assembly.scene) if bends else assembly.scales.tension
-        tension = max(along + pulls) or min(most, drawn)
+        pull = abs(end.get("gravity", np.zeros(3))[0]) * (assembly.scene.material.density or 0.0)
+        hung = 0.5 * pull * strip.thickness * strip.length
+        tension = max(along + pulls) or min(most, max(drawn, hung))
         yield plan, uniform_stretch(assembly, tension, end)
         return
     effects = [effect for effect in plan.model.effects if not effect.by_roller]

@@ -18,7 +18,6 @@ from anmstrip.advice import physics, units
 from anmstrip.advice.preview import NEGLIGIBLE_BEARING, Preview, free_motions, unheld_words
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import KINEMATICS, SECTION, Kinematics
-from anmstrip.fem.sampling import quadrature_points
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.roller import Roller
 from anmstrip.results.plastic import MeanFlow
@@ -491,11 +490,12 @@ def buckled_section(state: State, scene: SceneSpec) -> Iterator[str]:
     across are lost beside heat that is held back, it may come to a higher mode.
     """
     strip, given = state.plan.model.strip, scene.strip
-    if state.membrane is None or strip.count != 2 or not given.bending or given.foundation:
+    profile = state.tension_profile if strip.count == 2 else None
+    if profile is None or not given.bending or given.foundation:
         return
     begin, end = strip.span
     arcs = sorted(contact.arc for contact in state.touched.values())
-    places, forces = quadrature_points(strip)[0], state.membrane_forces[0, 0]
+    places, forces = profile
     loose = [name for name in ENDS if name not in scene.held_in("z")]
     clamped = [name for name in ENDS if name in scene.clamped]
     alone = bool(loose) and not arcs and scene.threading is None

@@ -220,8 +220,8 @@ class Run:
     resume : bool
         Go on from the checkpoint in the directory.
     effects : iterable of callables, optional
-        Effects of one's own, each a function of the strip that returns an
-        :class:`~anmstrip.mechanics.effects.Effect`; they act in every stage.
+        Effects of one's own, each a function of the strip that returns a
+        :class:`~anmstrip.mechanics.effects.LawEffect`; they act in every stage, in full at once.
 
     Attributes
     ----------
@@ -554,7 +554,7 @@ class Run:
         for span, words in zip(wrinkling.near, wrinkling.warnings, strict=True):
             times = borne.get((span.before, span.after), 0.0)
             more = f" Its modes on this mesh bear {times:.2g} times this compression."
-            told.append(words + more * (times > 1.0))
+            told.append(words + more * (times > 0.0))
         return [*told, *watch.warnings]
 
     def _readings(self, state: State, wrinkling: Wrinkling | None) -> dict[str, Any]:

@@ -195,7 +195,7 @@ class Piece:
         return found
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Curve:
     """Stationary states along the first control, from its first to its last value."""
 
@@ -206,6 +206,9 @@ class Curve:
     def knots(self) -> Array:
         """Ways to the ends of the pieces, beginning with 0."""
         return np.cumsum([0.0, *(piece.branch.length for piece in self.pieces)])
+
+    def __repr__(self) -> str:
+        return f"<Curve of length {self.knots[-1]:.4g}>"
 
     def piece(self, s: float) -> tuple[Piece, float]:
         """The piece at a way along the curve, and the way within it."""

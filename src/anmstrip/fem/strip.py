@@ -42,7 +42,7 @@ class Edge:
     facets: Index  # of the mesh
     nodes: Index  # of the mesh, in the order along the edge
     values: Index  # scalar degrees of freedom "value" of these nodes
-    trace: Index  # those that fix values all along a straight edge: values, derivatives along it
+    trace: Index  # that hold it: values, and derivatives along it where that is x or y
     strip: Strip
 
     @property
@@ -273,7 +273,9 @@ class Strip:
         nodes = np.unique(self.mesh.facets[:, facets])
         along = int(np.argmax(np.ptp(self.mesh.p[:, nodes], axis=1)))
         nodes = nodes[np.argsort(self.mesh.p[along, nodes])]
-        names = ["u", *(f"u_{'xy'[along] * k}" for k in (1, 2))] if self.mesh.dim() > 1 else ["u"]
+        extent = np.ptp(self.mesh.p[:, nodes], axis=1)
+        straight = self.mesh.dim() > 1 and extent.min() <= 1e-9 * extent.max()
+        names = ["u", *(f"u_{'xy'[along] * k}" for k in (1, 2))] if straight else ["u"]
         known = [n for n in names if n in self.basis.elem.dofnames]
         trace = np.concatenate([self.dofs(n)[nodes] for n in known])
         return Edge(name, facets, nodes, self.node_values[nodes], trace, self)

@@ -324,6 +324,8 @@ class SparseSolver:
         """Factors by the plan for the pattern of the matrix; other unknowns are eliminated."""
         if isinstance(matrix, Bordered | Condensed | Joined):
             return matrix.factorised(self.factorise)
+        if getattr(matrix, "format", "full") != "csc":
+            matrix = csc_matrix(matrix)
         require_finite(matrix)
         if self.plan is None or not self.plan.fits(matrix):
             self.plan = fastest_plan(matrix)

@@ -214,7 +214,8 @@ def uniaxial_stretches(
     """Return the stretches along and across a strip under tension.
 
     The strain E along solves T = √(1 + 2E) E_young t (E − E⁰) with the eigenstrains E⁰ along and
-    across; the strip contracts across by ν (E − E⁰).  Numbers, or arrays of them.
+    across; the strip contracts across by ν (E − E⁰), to half its width at most.  Numbers, or arrays
+    of them.
     """
     along, across = eigen
     strain = along + tension / tensile_stiffness
@@ -223,7 +224,7 @@ def uniaxial_stretches(
         slope = tensile_stiffness * (stretch + elastic / stretch)
         strain -= (tensile_stiffness * elastic * stretch - tension) / slope
     narrow = across - poisson * (strain - along)
-    return np.sqrt(1.0 + 2.0 * strain), np.sqrt(1.0 + 2.0 * narrow)
+    return np.sqrt(1.0 + 2.0 * strain), np.sqrt(np.maximum(1.0 + 2.0 * narrow, 0.25))
 
 
 def principal_forces(forces: Array) -> tuple[Array, Array]:

@@ -101,8 +101,8 @@ class Span:
     def __str__(self) -> str:
         return (
             f"compressed by {self.compression:.3g} N/m between {self.before} and {self.after}, "
-            f"over {100.0 * self.share:.0f} % of the width; wrinkles are likely above about "
-            f"{max(self.bearable * self.compression / self.mean, self.part):.3g} N/m."
+            f"over {100.0 * self.share:.0f} % of the width; by a rule of thumb it wrinkles above "
+            f"about {max(self.bearable * self.compression / self.mean, self.part):.3g} N/m."
         )
 
 
@@ -152,21 +152,34 @@ def free_spans(state: State) -> Iterator[Span]:
             edge = np.abs(fibres[worst]) > 0.5 * strip.width * (1.0 - COMPRESSED_SHARE)
             wide = max(float(share), PEAK_SHARE) * strip.width
             part = band_compression(d, wide, edge=bool(edge))
-        else:  # as a column: nothing holds it from beside, and no roller its slope at an end
+        else:  # as a column, of which no roller holds the slope at an end, or as a plate
             ends = {"entry": before == "the entry", "exit": after == "the exit"}
-            turning = sum(free and end_turns(state, name) for name, free in ends.items())
+            turning = sum(free and gives_way(state, name, 1) for name, free in ends.items())
+            held = sum(not gives_way(state, name, 0) for name in ("left", "right"))
             borne = COLUMN_FACTORS[turning] * d * q**2
+            borne = max(borne, plate_compression(d, q, strip.width, held))
         pressed, mean = float(pressure.max()), float(means.max())
         yield Span(*place, pressed, mean, borne, float(share), inside, part, spacing)
 
 
-def end_turns(state: State, name: str) -> bool:
-    """Whether the strip may turn at an end, at which it is not clamped."""
+def gives_way(state: State, name: str, order: int) -> bool:
+    """Whether nothing holds the height of an edge (order 0), or its slope (1)."""
     strip = state.plan.model.strip
     if name not in strip.edges:
         return True
-    slopes = strip.edge_unknowns(name, (), [2], ())
-    return bool(np.isin(slopes, state.plan.supports.free).any())
+    unknowns = strip.edge_unknowns(name, *([2] if k == order else () for k in range(3)))
+    return bool(np.isin(unknowns, state.plan.supports.free).any())
+
+
+def plate_compression(d: float, q: float, width: float, held: int) -> float:
+    """Compression along (N/m) that a plate bears by one or both of its sides that are held.
+
+    (q + k²/q)² D at least 4 D k² with k = π/W; with one side free q² D + 0.425 D k² (Timoshenko &
+    Gere, § 9.4).
+    """
+    k = np.pi / width
+    both = (max(q, k) + k**2 / max(q, k)) ** 2
+    return float(d * (0.0, q**2 + 0.425 * k**2, both)[held])
 
 
 def compressed_parts(strip: Strip, low: Array, level: float, along: Array | None) -> Array:

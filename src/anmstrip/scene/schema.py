@@ -382,9 +382,12 @@ class Override:
         head = self.path[depth]
         if isinstance(tables, Mapping):
             return {**tables, head: self.applied_to(tables.get(head, {}), depth + 1)}
+        key = ".".join(self.path[:depth])
         if not isinstance(tables, list | tuple):
-            key = ".".join(self.path[:depth])
             raise wrong_override(self.text, key, tables, "a table", f"--set {key}=… with a value")
+        if tables and not any(isinstance(table, Mapping) for table in tables):
+            hint = f"--set {shlex.quote(f'{key}={list(tables)}')} with other numbers"
+            raise wrong_override(self.text, key, tables, "all of its numbers together", hint)
         names = [table.get("name") if isinstance(table, Mapping) else None for table in tables]
         if head not in names:
             key, known = ".".join(self.path), [name for name in names if isinstance(name, str)]

@@ -806,9 +806,9 @@ class Assembly:
         return effects + [e for e in self.added_effects if rates or not e.rate_dependent]
 
     @cached_property
-    def added_effects(self) -> list[Effect]:
+    def added_effects(self) -> list[LawEffect]:
         """Effects of the user's own, which have names of their own."""
-        made, taken = list[Effect](), set(BUILT_IN_EFFECTS)
+        made, taken = list[LawEffect](), set(BUILT_IN_EFFECTS)
         for make in self.added:
             expected = "functions of the strip, each of which returns an effect"
             hint = "lambda strip: Mine(strip)"
@@ -819,10 +819,11 @@ class Assembly:
             except TypeError as error:
                 raise self.scene.refused("effects", str(error), expected, hint) from error
             effect = make(self.strip)
-            name = getattr(effect, "name", repr(effect))
-            if not isinstance(effect, Effect) or name in taken or not isinstance(name, str):
-                expected = "an anmstrip.Effect with a name that no other effect has"
-                raise self.scene.refused("effects", name, expected, 'name = "my_effect"')
+            name = getattr(effect, "name", None)
+            if not isinstance(effect, LawEffect) or name in taken or not isinstance(name, str):
+                expected = "an anmstrip.LawEffect with a name that no other effect has"
+                hint = 'name = "my_effect"'
+                raise self.scene.refused("effects", name or repr(effect), expected, hint)
             taken.add(name)
             made.append(effect)
         return made
@@ -836,7 +837,7 @@ class Assembly:
             One does not work on arrays and series, or returns something else than forces.
         """
         for effect in self.added_effects:
-            if not isinstance(effect, LawEffect) or (effect.rate_dependent and not stage.friction):
+            if effect.rate_dependent and not stage.friction:
                 continue
             if wrong := wrong_effect(effect, self.strip.unknowns, controls):
                 hint = "def law(self, x, v, controls): return …"
