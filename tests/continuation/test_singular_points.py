@@ -186,11 +186,19 @@ def test_progression_tells_the_distance_to_the_bifurcation():
 def test_cleared_branch_goes_straight_through():
     equations, branch = beside_the_bifurcation(1e-3, 1e-14)
     lengths = []
-    for candidate in (branch, without_progression(equations, branch)):
+    for candidate in (branch, without_progression(equations, branch, 1e-9, Cost())):
         held, _ = validate(equations, candidate, 1e-9, np.inf, Cost())
         lengths.append(held.length)
     assert lengths[1] > 6.0 * lengths[0]
     assert abs(held.end[0][1]) < 1e-9
+
+
+def test_a_progression_without_which_the_equation_is_not_met_is_kept():
+    """A wide plate crept by a millionth of the load in each step beside a bifurcation."""
+    equations, branch = beside_the_bifurcation(1e-3, 5e-9)
+    assert progression(equations, branch) is not None
+    assert without_progression(equations, branch, 1e-9, Cost()) is not branch
+    assert without_progression(equations, branch, 1e-12, Cost()) is branch
 
 
 def test_poles_of_the_path_are_no_progressions():
@@ -199,7 +207,7 @@ def test_poles_of_the_path_are_no_progressions():
     branch = expand(equations, np.array([1.0]), 0.0, order=20, solver=DenseSolver(),
                     parameter=Parameter(0.5))  # fmt: skip
     assert progression(equations, branch) is None
-    assert without_progression(equations, branch) is branch
+    assert without_progression(equations, branch, 1e-9, Cost()) is branch
 
 
 def test_short_and_constant_branches_are_left_alone():
@@ -207,7 +215,8 @@ def test_short_and_constant_branches_are_left_alone():
         u = np.zeros((order + 1, 2))
         u[1] = 1.0
         branch = Branch(u, np.arange(order + 1.0), 1.0, np.zeros(2))
-        assert without_progression(DenseEquations(pitchfork), branch) is branch
+        equations = DenseEquations(pitchfork)
+        assert without_progression(equations, branch, 1e-9, Cost()) is branch
 
 
 def test_pace_of_the_switched_path_follows_the_mode():

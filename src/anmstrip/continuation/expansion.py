@@ -278,8 +278,14 @@ def progression(equations: Equations, branch: Branch) -> float | None:
     return ratio if began < ROUND_OFF_SHARE * size(equations, branch.u[1]) else None
 
 
-def without_progression(equations: Equations, branch: Branch) -> Branch:
-    """The branch without its progression, one order less; itself if there is none."""
+def without_progression(
+    equations: Equations, branch: Branch, tolerance: float, cost: Cost
+) -> Branch:
+    """The branch without its progression, one order less.
+
+    Itself if there is none, or if it is no answer to round-off: without it the equation is not met
+    as far as the last terms allow with it.
+    """
     ratio = progression(equations, branch)
     if ratio is None:
         return branch
@@ -290,7 +296,10 @@ def without_progression(equations: Equations, branch: Branch) -> Branch:
     control[1:] -= shares * branch.control[n]
     unit = branch.forces[0] / size(equations, branch.u[n - 1])
     forces = (unit * size(equations, u[-2]), unit * size(equations, u[-1]))
-    return replace(branch, u=u, control=control, forces=forces)
+    shorter = replace(branch, u=u, control=control, forces=forces)
+    length, _ = guessed_range(equations, branch, tolerance, np.inf)
+    error, _ = residual_error(equations, shorter, length, cost, tolerance)
+    return shorter if error <= tolerance else branch
 
 
 LENGTH_RATIO = 1.05

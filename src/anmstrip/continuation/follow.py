@@ -188,7 +188,7 @@ class _Follower:
             evidence = Evidence(unknown=error.unknown)
             raise PathStopped(outcome, pace.control, str(error), evidence) from error
         if arclength:
-            branch = without_progression(self.equations, branch)
+            branch = without_progression(self.equations, branch, settings.tolerance, self.cost)
         branch, imbalance = self._accepted(branch, parameter.reach)
         if not arclength and branch.length == parameter.reach:
             branch = branch.landed(self.target)
