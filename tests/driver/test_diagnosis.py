@@ -503,8 +503,12 @@ def test_a_run_stops_where_strip_has_run_away() -> None:
     assert last.state.strip_speed > 1e3
 
 
-def test_pull_roll_that_cannot_take_the_work_of_bending_is_named() -> None:
-    """Two idlers that yield the strip cost 110 N/m; 0.2° at f = 0.15 hold 30 of 50 kN/m."""
+@pytest.mark.parametrize("drive", ["idle", "torque"])
+def test_pull_roll_that_cannot_take_the_work_of_bending_is_named(drive: str) -> None:
+    """Two idlers that yield the strip cost 110 N/m; 0.2° at f = 0.15 hold 30 of 50 kN/m.
+
+    A roller with a torque does not hold it either, though it sticks.
+    """
     tables = {
         "strip": {"kinematics": "section", "width": 1.0, "thickness": 6e-4},
         "material": {"young": 2e11, "poisson": 0.3, "yield_stress": 2.2e8, "plasticity": {}},
@@ -512,7 +516,7 @@ def test_pull_roll_that_cannot_take_the_work_of_bending_is_named() -> None:
         "threading": {"tension": 5e4, "entry": [-0.3, 0.0, 0.0], "exit": [0.9, 0.0, 0.0]},
         "rollers": [
             {"name": "u1", "radius": 0.025, "centre": [0.0, 0.0, -0.02], "wrap": "over",
-             "drive": "idle"},
+             "drive": drive},
             {"name": "u2", "radius": 0.025, "centre": [0.1, 0.0, 0.02], "wrap": "under",
              "drive": "idle"},
             {"name": "pull", "radius": 0.4, "centre": [0.5, 0.0, -0.4], "wrap": "over"},

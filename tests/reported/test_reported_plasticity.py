@@ -924,6 +924,13 @@ def test_strip_that_flows_at_another_rate_is_told_what_to_type(tmp_path):
     assert told == pytest.approx(1.0, abs=0.01) and not warned
 
 
+def test_the_level_of_flow_is_not_told_on_the_way_to_a_steady_state(tmp_path):
+    """There stresses of the flow law still grow: 1e-26 1/s were told to be typed."""
+    run = Scene.from_tables({**TABLES, "solver": {"max_steps": 2}}, "slow.toml").run(tmp_path)
+    assert len(list(run)) == 2 and run.state.plan.steady and run.flow.level is None
+    assert not [words for words in run.warnings if "reference_rate" in words]
+
+
 def test_a_typed_rate_is_that_at_the_speed_of_the_strip():
     """A line that slows down to a hundredth ends as one that is slow: at 0.91 of its stress.
 

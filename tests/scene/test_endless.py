@@ -126,7 +126,9 @@ def test_small_pulleys_far_apart_are_first_told_to_be_in_another_order() -> None
     }
     with pytest.raises(InputError) as refused:
         Scene.from_tables(tables, "belt.toml").run()
-    assert refused.value.mistakes[0].hint.startswith("the tables of rollers in the order head, snub")
+    assert refused.value.mistakes[0].hint.startswith(
+        "the tables of rollers in the order head, snub"
+    )
 
 
 def test_torques_alone_do_not_fix_the_speed_of_an_endless_strip() -> None:

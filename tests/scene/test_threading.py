@@ -521,7 +521,7 @@ def test_a_line_in_millimetres_is_not_told_that_its_radii_are() -> None:
         "strip": {"width": 1e3, "thickness": 1.0}, "material": {"young": 2e5},
         "threading": {"tension": 20.0, "entry": [-2e3, 0.0, -200.0], "exit": [2e3, 0.0, -200.0]},
     }  # fmt: skip
-    with pytest.raises(InputError, match="rollers.a.wrap") as refused:
+    with pytest.raises(InputError, match=r"rollers\.a\.wrap") as refused:
         Assembly(scene_of(tables)).thread  # noqa: B018
     assert "if it is in mm" not in str(refused.value)
 

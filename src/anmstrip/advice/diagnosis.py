@@ -234,8 +234,11 @@ def where_it_slides(failure: Failure) -> str:
         if slides(contact)
     ]
     where = f"It slides over {', '.join(found)}. " if found else ""
-    cure = "Try more wrap or friction there, or less difference of the tensions at its ends."
-    return where + cure
+    torques = ", other torques" * any(r.drive == "torque" for r in failure.scene.rollers)
+    return (
+        f"{where}Try more wrap or friction there{torques}, or less difference of the tensions at "
+        "its ends."
+    )
 
 
 def not_held(failure: Failure) -> str | None:

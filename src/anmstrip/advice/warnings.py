@@ -342,6 +342,7 @@ def unbalanced_idlers(state: State, scene: SceneSpec) -> Iterator[str]:
     More in a steady stage that sets a line going, before its end; less where a roller that hardly
     bears anything turns within the tolerance of the whole line, though it would stand.
     """
+    unbalanced = list[str]()
     for spec in scene.rollers if state.plan.steady and not stands(state) else ():
         contact = state.contacts.get(spec.name)
         if spec.drive != "idle" or contact is None:
@@ -356,11 +357,13 @@ def unbalanced_idlers(state: State, scene: SceneSpec) -> Iterator[str]:
                 f"well. Try --set solver.tolerance={0.1 * tolerance:g}"
             )
         elif taken > spec.bearing + share:
-            yield (
-                f"idle roller {spec.name} is not in balance yet: friction turns it with "
-                f"{taken:.3g} N m, and its bearings hold {spec.bearing:g} N m. Only the end of "
-                "this stage is a stationary state; until there tensions beside it are others"
-            )
+            unbalanced.append(f"{spec.name} with {taken:.3g} N m against {spec.bearing:g} N m")
+    if unbalanced:
+        yield (
+            "idle rollers are not in balance yet: friction turns, against what bearings hold, "
+            f"{', '.join(unbalanced)}. Only the end of this stage is a stationary state; until "
+            "there tensions beside them are others"
+        )
 
 
 def spinning_rollers(state: State, scene: SceneSpec) -> Iterator[str]:
@@ -568,9 +571,12 @@ def touched_drives(state: State, scene: SceneSpec) -> dict[str, ContactState]:
 
 
 def slides_as_a_whole(state: State, scene: SceneSpec) -> bool:
-    """Whether strip slides over all rollers with a drive that it lies on, and lies on one."""
-    touched = touched_drives(state, scene).values()
-    return bool(touched) and all(map(slides, touched))
+    """Whether strip slides over all rollers driven by speed that it lies on, and lies on one.
+
+    A roller with a torque does not hold the strip, however it sticks.
+    """
+    led = {roller.name for roller in scene.rollers if roller.drive == "speed"} & set(state.touched)
+    return bool(led) and all(slides(state.touched[name]) for name in led)
 
 
 def beside_rollers(state: State, scene: SceneSpec) -> Iterator[str]:
