@@ -517,7 +517,7 @@ class Run:
             settled += beyond_capacity(Preview.of(self.assembly))
         useless = self.budget.useless(tension_readings(state).values())
         seen = [words for rule in RULES_AT_END for words in rule(state, self.scene)]
-        if (law := self.assembly.flow) is not None:
+        if (law := self.assembly.flow) is not None and self.outcome.done:
             seen += guessed_rate(self.scene, law.rate, self.flow)
         known = {key for words in seen for key in proposed_keys(words)}
         told = [words for words in self.forewarnings() if words not in settled]
