@@ -921,6 +921,26 @@ def test_strip_that_flows_at_another_rate_is_told_what_to_type(tmp_path):
     assert told == pytest.approx(1.0, abs=0.01) and not warned
 
 
+def test_strip_that_runs_while_its_yield_still_grows_is_told_to_rest_first():
+    """Half-way through, strip that yields at 346 MPa bore 77 N on a roller instead of 67."""
+    tables = {
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": THICKNESS, "feed": False},
+        "material": {**WIDE, "yield_stress": 3e8}, "friction": {"coefficient": 0.3},
+        "threading": {"tension": 1.5e4, "entry": [-2.0, 0.0, 0.0], "exit": [0.25, 0.0, -2.0]},
+        "rollers": [{"name": "r", "radius": 0.25, "centre": [0.0, 0.0, -0.25], "wrap": "over",
+                     "drive": "idle"}],
+        "stages": [{"name": "pull", "duration": 1.0, "entry": {"move": [1.4, 0.0, 0.0]}}],
+    }  # fmt: skip
+
+    def told(*stages):
+        scene = Scene.from_tables({**tables, "stages": stages}, "pull.toml")
+        return [w for w in scene.run().forewarnings() if "still grow from nothing" in w]
+
+    (words,) = told(*tables["stages"])
+    duration = float(words.rpartition("duration = ")[2])
+    assert not told({"name": "rest", "duration": duration}, *tables["stages"])
+
+
 def test_the_level_of_flow_is_not_told_on_the_way_to_a_steady_state(tmp_path):
     """There stresses of the flow law still grow: 1e-26 1/s were told to be typed."""
     run = Scene.from_tables({**TABLES, "solver": {"max_steps": 2}}, "slow.toml").run(tmp_path)

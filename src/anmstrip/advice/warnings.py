@@ -32,9 +32,11 @@ from anmstrip.simulation.defaults import (
     boundary_layer,
     elastic_creep,
     fastest,
+    first_yield,
     held_ends,
     largest_force,
     pulled_nowhere,
+    stage_speeds,
 )
 from anmstrip.simulation.meshing import (
     BYTES_PER_UNKNOWN,
@@ -785,6 +787,28 @@ def coarse_hinges(preview: Preview) -> Iterator[str]:
         )
 
 
+def late_yield(preview: Preview) -> Iterator[str]:
+    """A stage that runs threaded strip over rollers as the stresses of the flow law still grow.
+
+    Those of the first stage in time grow from nothing, as strip is threaded as an elastic one.
+    """
+    scene, assembly = preview.assembly.scene, preview.assembly
+    first = next(filter(assembly.yields, preview.stages), None)
+    if assembly.thread is None or first is None or first.steady:
+        return
+    bent = max((physics.sharpest_curvature(preview, r) for r in assembly.rollers), default=0.0)
+    ways = [float(np.linalg.norm(edge.move or 0.0)) for edge in first.edges.values()]
+    ways += [0.5 * abs(speed) * first.duration for _, speed in stage_speeds(scene, first)]
+    way = max(ways, default=0.0)
+    if way > boundary_layer(scene) and bent > (first_yield(scene) or np.inf):
+        yield (
+            f"stage {first.name} runs strip over rollers by {way:.3g} m while the stresses by "
+            "which it flows still grow from nothing, since it is threaded as an elastic one: it "
+            "yields too little there. Put a stage before it in which nothing moves: [[stages]] "
+            f"with duration = {0.1 * first.duration:g}"
+        )
+
+
 def shorter_elements(assembly: Assembly, longest: float) -> str:
     """Return what to type for shorter elements by default (m), or what they would cost."""
     scene = assembly.scene
@@ -975,8 +999,8 @@ SERIOUS_RULES = (
     strict_tolerance,
 )  # fmt: skip
 OTHER_RULES = (
-    free_motions, coarse_mesh, coarse_hinges, slipping_friction, growing_wraps, rates_of_labels,
-    needless_shell, pulled_twice, keeps_its_load, *physics.PHYSICS_RULES,
+    free_motions, coarse_mesh, coarse_hinges, late_yield, slipping_friction, growing_wraps,
+    rates_of_labels, needless_shell, pulled_twice, keeps_its_load, *physics.PHYSICS_RULES,
 )  # fmt: skip
 RULES_AT_END = (
     lifted_off, undriven, standing_idlers, unbalanced_idlers, spinning_rollers, overstretched,
