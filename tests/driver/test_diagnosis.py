@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,8 @@ from test_forewarnings import BRIDLE
 
 from anmstrip.continuation.path import Evidence, NO_EVIDENCE, Outcome, PathStopped
 from anmstrip.driver import budget
-from anmstrip.advice.diagnosis import Failure, diagnosis, forewarned, slack
+from anmstrip.advice.diagnosis import Failure, diagnosis, forewarned, slack, turning_point
+from anmstrip.advice.preview import Preview
 from anmstrip.driver.explain import report
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
@@ -108,6 +110,16 @@ def test_what_is_told_can_be_typed() -> None:
     for text in settings:
         data = Override.parse(text).applied_to(wrapped().scene.to_dict())
         Scene.model_validate(data)
+
+
+def test_what_a_turning_point_had_changed_is_told_with_its_sign() -> None:
+    back = {**TURN, "rollers": {"r1": {"surface_speed": -1.0}}}
+    assembly = scene(stages=[TENSION, WRAP, back]).run().assembly
+    state: Any = SimpleNamespace(plan=Preview.of(assembly).plans[-1])
+    fold = PathStopped(Outcome.FOLD, 0.5)
+    fold.farthest = 0.5
+    words = turning_point(Failure(assembly, assembly.scene.course[-1], state, fold))
+    assert words == " at t = 2.005 s with rollers.r1.surface_speed of -0.5"
 
 
 def all_messages() -> Iterator[str]:

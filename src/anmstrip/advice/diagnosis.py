@@ -169,9 +169,10 @@ def turning_point(failure: Failure) -> str:
     if failure.stopped.outcome is not Outcome.FOLD or farthest is None:
         return ""
     reached = plan.controls.at(farthest)
-    sizes = {k: np.linalg.norm(v) for k, v in reached.items() if not v.ndim or k.endswith("force")}
-    moving = {k: size for k, size in sizes.items() if k in plan.controls.slope}
-    changed = [f"{failure.scene.as_typed(k)} of {size:.3g}" for k, size in moving.items()]
+    numbers = {k: v for k, v in reached.items() if not v.ndim or k.endswith("force")}
+    moving = {k: v for k, v in numbers.items() if k in plan.controls.slope}
+    sizes = {k: float(np.linalg.norm(v) if v.ndim else v) for k, v in moving.items()}
+    changed = [f"{failure.scene.as_typed(k)} of {size:.3g}" for k, size in sizes.items()]
     with_what = f" with {', '.join(changed)}" if changed else ""
     return f" at t = {plan.start + farthest * plan.duration:.6g} s{with_what}"
 
