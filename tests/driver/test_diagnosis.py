@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,8 @@ from test_forewarnings import BRIDLE
 
 from anmstrip.continuation.path import Evidence, NO_EVIDENCE, Outcome, PathStopped
 from anmstrip.driver import budget
-from anmstrip.advice.diagnosis import Failure, diagnosis, forewarned, slack
+from anmstrip.advice.diagnosis import Failure, diagnosis, forewarned, slack, turning_point
+from anmstrip.advice.preview import Preview
 from anmstrip.driver.explain import report
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
@@ -108,6 +110,16 @@ def test_what_is_told_can_be_typed() -> None:
     for text in settings:
         data = Override.parse(text).applied_to(wrapped().scene.to_dict())
         Scene.model_validate(data)
+
+
+def test_what_a_turning_point_had_changed_is_told_with_its_sign() -> None:
+    back = {**TURN, "rollers": {"r1": {"surface_speed": -1.0}}}
+    assembly = scene(stages=[TENSION, WRAP, back]).run().assembly
+    state: Any = SimpleNamespace(plan=Preview.of(assembly).plans[-1])
+    fold = PathStopped(Outcome.FOLD, 0.5)
+    fold.farthest = 0.5
+    words = turning_point(Failure(assembly, assembly.scene.course[-1], state, fold))
+    assert words == " at t = 2.005 s with rollers.r1.surface_speed of -0.5"
 
 
 def all_messages() -> Iterator[str]:
@@ -503,8 +515,12 @@ def test_a_run_stops_where_strip_has_run_away() -> None:
     assert last.state.strip_speed > 1e3
 
 
-def test_pull_roll_that_cannot_take_the_work_of_bending_is_named() -> None:
-    """Two idlers that yield the strip cost 110 N/m; 0.2° at f = 0.15 hold 30 of 50 kN/m."""
+@pytest.mark.parametrize("drive", ["idle", "torque"])
+def test_pull_roll_that_cannot_take_the_work_of_bending_is_named(drive: str) -> None:
+    """Two idlers that yield the strip cost 110 N/m; 0.2° at f = 0.15 hold 30 of 50 kN/m.
+
+    A roller with a torque does not hold it either, though it sticks.
+    """
     tables = {
         "strip": {"kinematics": "section", "width": 1.0, "thickness": 6e-4},
         "material": {"young": 2e11, "poisson": 0.3, "yield_stress": 2.2e8, "plasticity": {}},
@@ -512,7 +528,7 @@ def test_pull_roll_that_cannot_take_the_work_of_bending_is_named() -> None:
         "threading": {"tension": 5e4, "entry": [-0.3, 0.0, 0.0], "exit": [0.9, 0.0, 0.0]},
         "rollers": [
             {"name": "u1", "radius": 0.025, "centre": [0.0, 0.0, -0.02], "wrap": "over",
-             "drive": "idle"},
+             "drive": drive},
             {"name": "u2", "radius": 0.025, "centre": [0.1, 0.0, 0.02], "wrap": "under",
              "drive": "idle"},
             {"name": "pull", "radius": 0.4, "centre": [0.5, 0.0, -0.4], "wrap": "over"},

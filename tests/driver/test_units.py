@@ -143,6 +143,19 @@ def test_a_narrow_strip_in_millimetres_is_one_too() -> None:
     assert not [line for line in told(*IN_MILLIMETRES, "strip.width=5.0") if "meant in" in line]
 
 
+def test_thick_plate_in_millimetres_that_nothing_pulls_is_one_too() -> None:
+    """40 mm on a roller table: more than 20 were taken for metres, and every value was doubted."""
+    tables = {
+        "strip": {"kinematics": "section", "length": 1e3, "width": 2.5e3, "thickness": 40.0},
+        "material": {"young": 1.5e5, "poisson": 0.3, "density": 7.8e-9},
+        "rollers": [{"radius": 150.0, "centre": [x, 0.0, -150.0]} for x in (-400.0, 400.0)],
+        "edges": {"entry": {"fixed": ["x"]}},
+        "stages": [{"name": "settle", "gravity": [0.0, 0.0, -9810.0]}],
+    }
+    found = warnings(Preview.of(Assembly(Scene.from_tables(tables, "table.toml"))))
+    assert begins(found, "the values of this scene fit together in N, mm, MPa and s"), found
+
+
 RUBBER = ("material.poisson=0.45", "strip.thickness={}", "material.young={:g}",
           "threading.tension={:g}", "stages.run.entry.tension={:g}")  # fmt: skip
 

@@ -774,7 +774,10 @@ def test_a_plate_that_a_roller_bends_bears_what_its_yield_stress_says(claim):
 def line_of(radius, centres, speeds, tension, coefficient):
     """A steady line of rollers, over and under, of 1 mm strip."""
     names = [f"r{k + 1}" for k in range(len(centres))]
-    ends = [[centres[0][0] - 2.0, 0.0, 0.5], [centres[-1][0] + 2.0, 0.0, 0.5]]
+    ends = [
+        [x + way, 0.0, 0.5 if wrap == "under" else -0.5]
+        for way, (x, _, wrap) in ((-2.0, centres[0]), (2.0, centres[-1]))
+    ]
     return {
         "strip": {"kinematics": "section", "width": 1.0, "thickness": 1e-3},
         "material": {**WIDE, "yield_stress": 1.5e8},
@@ -798,13 +801,7 @@ def line_of(radius, centres, speeds, tension, coefficient):
 
 
 STRETCHED = line_of(0.5, [(0.0, 0.5, "under"), (4.0, 0.5, "under")], [1.0, 1.01], 9e4, 1.5)
-LEVELLED = line_of(
-    0.04,
-    [(0.0, 0.0, "over"), (0.15, 0.0, "under"), (0.3, 0.0, "over")],
-    [2.0, None, None],
-    6e4,
-    0.2,
-)
+LEVELLED = line_of(0.04, [(0.0, 0.0, "over"), (0.15, 0.0, "under")], [2.0, 2.0], 6e4, 0.2)
 
 
 @pytest.mark.parametrize("tables", [STRETCHED, LEVELLED])
@@ -927,6 +924,33 @@ def test_strip_that_flows_at_another_rate_is_told_what_to_type(tmp_path):
     assert told == pytest.approx(1.0, abs=0.01) and not warned
 
 
+def test_strip_that_runs_while_its_yield_still_grows_is_told_to_rest_first():
+    """Half-way through, strip that yields at 346 MPa bore 77 N on a roller instead of 67."""
+    tables = {
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": THICKNESS, "feed": False},
+        "material": {**WIDE, "yield_stress": 3e8}, "friction": {"coefficient": 0.3},
+        "threading": {"tension": 1.5e4, "entry": [-2.0, 0.0, 0.0], "exit": [0.25, 0.0, -2.0]},
+        "rollers": [{"name": "r", "radius": 0.25, "centre": [0.0, 0.0, -0.25], "wrap": "over",
+                     "drive": "idle"}],
+        "stages": [{"name": "pull", "duration": 1.0, "entry": {"move": [1.4, 0.0, 0.0]}}],
+    }  # fmt: skip
+
+    def told(*stages):
+        scene = Scene.from_tables({**tables, "stages": stages}, "pull.toml")
+        return [w for w in scene.run().forewarnings() if "still grow from nothing" in w]
+
+    (words,) = told(*tables["stages"])
+    duration = float(words.rpartition("duration = ")[2])
+    assert not told({"name": "rest", "duration": duration}, *tables["stages"])
+
+
+def test_the_level_of_flow_is_not_told_on_the_way_to_a_steady_state(tmp_path):
+    """There stresses of the flow law still grow: 1e-26 1/s were told to be typed."""
+    run = Scene.from_tables({**TABLES, "solver": {"max_steps": 2}}, "slow.toml").run(tmp_path)
+    assert len(list(run)) == 2 and run.state.plan.steady and run.flow.level is None
+    assert not [words for words in run.warnings if "reference_rate" in words]
+
+
 def test_a_typed_rate_is_that_at_the_speed_of_the_strip():
     """A line that slows down to a hundredth ends as one that is slow: at 0.91 of its stress.
 
@@ -998,4 +1022,5 @@ def done(run):
     """Return a run after all its steps."""
     for _ in run:
         pass
+    assert run.outcome.done, run.message
     return run

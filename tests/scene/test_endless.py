@@ -110,6 +110,27 @@ def test_what_an_endless_strip_cannot_have_is_refused(
     )
 
 
+def test_small_pulleys_far_apart_are_first_told_to_be_in_another_order() -> None:
+    """A centre of 10 m beside radii of 0.25 m was first told to be in mm."""
+    tables: dict[str, Any] = {
+        "strip": {"kinematics": "section", "width": 0.8, "thickness": 8e-3},
+        "material": {"young": 4e8, "poisson": 0.45},
+        "friction": {"coefficient": 0.35},
+        "threading": {"tension": 8e3, "closed": True},
+        "rollers": [
+            {"name": "head", "radius": 0.25, "centre": [10.0, 0.0, 0.0], "wrap": "left"},
+            {"name": "tail", "radius": 0.2, "centre": [0.0, 0.0, 0.0], "wrap": "left"},
+            {"name": "snub", "radius": 0.1, "centre": [9.2, 0.0, -0.3], "wrap": "right"},
+        ],
+        "stages": [{"steady": True, "rollers": {"head": {"surface_speed": 2.0}}}],
+    }
+    with pytest.raises(InputError) as refused:
+        Scene.from_tables(tables, "belt.toml").run()
+    assert refused.value.mistakes[0].hint.startswith(
+        "the tables of rollers in the order head, snub"
+    )
+
+
 def test_torques_alone_do_not_fix_the_speed_of_an_endless_strip() -> None:
     tables = Scene.load(BELT).to_dict()
     tables["rollers"][0]["drive"] = "idle"

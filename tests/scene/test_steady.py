@@ -852,12 +852,13 @@ def test_idlers_that_are_not_yet_balanced_are_told(tmp_path: Path) -> None:
     taken = abs(first.contacts["a"].torque)
     (told,) = unbalanced_idlers(first, scene)
     assert taken > 40.0 and told.startswith(
-        f"idle roller a is not in balance yet: friction turns it with {taken:.3g} N m"
+        "idle rollers are not in balance yet: friction turns, against what bearings hold, "
+        f"a with {taken:.3g} N m against 20 N m."
     )
     assert not list(unbalanced_idlers(last, scene))
     stopped = Scene.from_tables({**tables, "solver": {"max_steps": 2}}, "pot.toml").run(tmp_path)
     assert len(list(stopped)) == 2
-    assert [words for words in stopped.warnings if "is not in balance yet" in words]
+    assert [words for words in stopped.warnings if "are not in balance yet" in words]
 
 
 def test_slips_that_no_motion_balances_are_marked(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -520,6 +520,17 @@ def test_a_centre_in_millimetres_is_told_where_the_string_does_not_touch() -> No
         Assembly(scene_of(tables)).thread  # noqa: B018
 
 
+def test_a_line_in_millimetres_is_not_told_that_its_radii_are() -> None:
+    tables = {
+        "rollers": [roller("a", 0.0, 500.0, 500.0, "under")],
+        "strip": {"width": 1e3, "thickness": 1.0}, "material": {"young": 2e5},
+        "threading": {"tension": 20.0, "entry": [-2e3, 0.0, -200.0], "exit": [2e3, 0.0, -200.0]},
+    }  # fmt: skip
+    with pytest.raises(InputError, match=r"rollers\.a\.wrap") as refused:
+        Assembly(scene_of(tables)).thread  # noqa: B018
+    assert "if it is in mm" not in str(refused.value)
+
+
 def test_a_common_origin_far_away_is_not_taken_for_millimetres() -> None:
     """All centres over 1000 were proposed first, for a roller whose side alone was wrong."""
     ends = {"entry": [-4.0, 0.0, 0.3], "exit": [4.3, 0.0, -1.2]}

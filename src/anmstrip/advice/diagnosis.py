@@ -175,9 +175,10 @@ def turning_point(failure: Failure) -> str:
     fold = failure.stopped.outcome is Outcome.FOLD
     said = "" if fold else ", after the path turned back at a limit point"
     reached = plan.controls.at(farthest)
-    sizes = {k: np.linalg.norm(v) for k, v in reached.items() if not v.ndim or k.endswith("force")}
-    moving = {k: size for k, size in sizes.items() if k in plan.controls.slope}
-    changed = [f"{failure.scene.as_typed(k)} of {size:.3g}" for k, size in moving.items()]
+    numbers = {k: v for k, v in reached.items() if not v.ndim or k.endswith("force")}
+    moving = {k: v for k, v in numbers.items() if k in plan.controls.slope}
+    sizes = {k: float(np.linalg.norm(v) if v.ndim else v) for k, v in moving.items()}
+    changed = [f"{failure.scene.as_typed(k)} of {size:.3g}" for k, size in sizes.items()]
     with_what = f" with {', '.join(changed)}" if changed else ""
     return f"{said} at t = {plan.start + farthest * plan.duration:.6g} s{with_what}"
 
@@ -240,8 +241,11 @@ def where_it_slides(failure: Failure) -> str:
         if slides(contact)
     ]
     where = f"It slides over {', '.join(found)}. " if found else ""
-    cure = "Try more wrap or friction there, or less difference of the tensions at its ends."
-    return where + cure
+    torques = ", other torques" * any(r.drive == "torque" for r in failure.scene.rollers)
+    return (
+        f"{where}Try more wrap or friction there{torques}, or less difference of the tensions at "
+        "its ends."
+    )
 
 
 def not_held(failure: Failure) -> str | None:

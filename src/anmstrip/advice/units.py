@@ -61,7 +61,7 @@ MAX_SOFT_STRAIN = 0.1
 MIN_RUBBER_POISSON = 0.4
 """Poisson's ratio from which on strip is rubber rather than a metal."""
 
-MILLIMETRE_RANGES = {"young": (1.0, 1e6), "thickness": (1e-3, 20.0), "width": (0.3, 2e4)}
+MILLIMETRE_RANGES = {"young": (1.0, 1e6), "thickness": (1e-3, 300.0), "width": (0.3, 2e4)}
 """Least and largest modulus (MPa), thickness and width (mm) of strip."""
 
 WIDEST_IN_METRES = 3.0

@@ -31,9 +31,11 @@ from anmstrip.simulation.defaults import (
     boundary_layer,
     elastic_creep,
     fastest,
+    first_yield,
     held_ends,
     largest_force,
     pulled_nowhere,
+    stage_speeds,
 )
 from anmstrip.simulation.meshing import (
     BYTES_PER_UNKNOWN,
@@ -341,6 +343,7 @@ def unbalanced_idlers(state: State, scene: SceneSpec) -> Iterator[str]:
     More in a steady stage that sets a line going, before its end; less where a roller that hardly
     bears anything turns within the tolerance of the whole line, though it would stand.
     """
+    unbalanced = list[str]()
     for spec in scene.rollers if state.plan.steady and not stands(state) else ():
         contact = state.contacts.get(spec.name)
         if spec.drive != "idle" or contact is None:
@@ -355,11 +358,13 @@ def unbalanced_idlers(state: State, scene: SceneSpec) -> Iterator[str]:
                 f"well. Try --set solver.tolerance={0.1 * tolerance:g}"
             )
         elif taken > spec.bearing + share:
-            yield (
-                f"idle roller {spec.name} is not in balance yet: friction turns it with "
-                f"{taken:.3g} N m, and its bearings hold {spec.bearing:g} N m. Only the end of "
-                "this stage is a stationary state; until there tensions beside it are others"
-            )
+            unbalanced.append(f"{spec.name} with {taken:.3g} N m against {spec.bearing:g} N m")
+    if unbalanced:
+        yield (
+            "idle rollers are not in balance yet: friction turns, against what bearings hold, "
+            f"{', '.join(unbalanced)}. Only the end of this stage is a stationary state; until "
+            "there tensions beside them are others"
+        )
 
 
 def spinning_rollers(state: State, scene: SceneSpec) -> Iterator[str]:
@@ -557,7 +562,7 @@ def bowed_instead(state: State, scene: SceneSpec, length: float) -> str:
 
 
 def wrinkled_instead(scene: SceneSpec, bifurcated: Collection[str]) -> Iterator[str]:
-    """What to type so that flat strip that is not stable wrinkles smoothly.
+    """Tell flat strip that is not stable what to type so that it wrinkles smoothly.
 
     Where its path bifurcates in the first stage, whose end gives the mode; threaded strip with an
     imperfection is of finite length.
@@ -583,9 +588,12 @@ def touched_drives(state: State, scene: SceneSpec) -> dict[str, ContactState]:
 
 
 def slides_as_a_whole(state: State, scene: SceneSpec) -> bool:
-    """Whether strip slides over all rollers with a drive that it lies on, and lies on one."""
-    touched = touched_drives(state, scene).values()
-    return bool(touched) and all(map(slides, touched))
+    """Whether strip slides over all rollers driven by speed that it lies on, and lies on one.
+
+    A roller with a torque does not hold the strip, however it sticks.
+    """
+    led = {roller.name for roller in scene.rollers if roller.drive == "speed"} & set(state.touched)
+    return bool(led) and all(slides(state.touched[name]) for name in led)
 
 
 def beside_rollers(state: State, scene: SceneSpec) -> Iterator[str]:
@@ -794,6 +802,28 @@ def coarse_hinges(preview: Preview) -> Iterator[str]:
         )
 
 
+def late_yield(preview: Preview) -> Iterator[str]:
+    """A stage that runs threaded strip over rollers as the stresses of the flow law still grow.
+
+    Those of the first stage in time grow from nothing, as strip is threaded as an elastic one.
+    """
+    scene, assembly = preview.assembly.scene, preview.assembly
+    first = next(filter(assembly.yields, preview.stages), None)
+    if assembly.thread is None or first is None or first.steady:
+        return
+    bent = max((physics.sharpest_curvature(preview, r) for r in assembly.rollers), default=0.0)
+    ways = [float(np.linalg.norm(edge.move or 0.0)) for edge in first.edges.values()]
+    ways += [0.5 * abs(speed) * first.duration for _, speed in stage_speeds(scene, first)]
+    way = max(ways, default=0.0)
+    if way > boundary_layer(scene) and bent > (first_yield(scene) or np.inf):
+        yield (
+            f"stage {first.name} runs strip over rollers by {way:.3g} m while the stresses by "
+            "which it flows still grow from nothing, since it is threaded as an elastic one: it "
+            "yields too little there. Put a stage before it in which nothing moves: [[stages]] "
+            f"with duration = {0.1 * first.duration:g}"
+        )
+
+
 def shorter_elements(assembly: Assembly, longest: float) -> str:
     """Return what to type for shorter elements by default (m), or what they would cost."""
     scene = assembly.scene
@@ -984,8 +1014,8 @@ SERIOUS_RULES = (
     strict_tolerance,
 )  # fmt: skip
 OTHER_RULES = (
-    free_motions, coarse_mesh, coarse_hinges, slipping_friction, growing_wraps, rates_of_labels,
-    needless_shell, pulled_twice, keeps_its_load, *physics.PHYSICS_RULES,
+    free_motions, coarse_mesh, coarse_hinges, late_yield, slipping_friction, growing_wraps,
+    rates_of_labels, needless_shell, pulled_twice, keeps_its_load, *physics.PHYSICS_RULES,
 )  # fmt: skip
 RULES_OF_STAGES = buckled_section, unresolved_waves
 """Rules for the state at the end of each stage, and in the others for the last state alone."""

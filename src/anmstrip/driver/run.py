@@ -522,7 +522,7 @@ class Run:
         if self.outcome.done and state.plan.steady:  # nips hold more of bent strip than expected
             settled += beyond_capacity(Preview.of(self.assembly))
         seen = [words for rule in RULES_AT_END for words in rule(state, self.scene)]
-        if (law := self.assembly.flow) is not None:
+        if (law := self.assembly.flow) is not None and self.outcome.done:
             seen += guessed_rate(self.scene, law.rate, self.flow)
         known = {key for words in seen for key in proposed_keys(words)}
         told = [words for words in self.forewarnings() if words not in settled] + self.passed

@@ -258,7 +258,8 @@ class YieldedStrip:
 class MeanFlow:
     """Share of its yield stress at which strip flows: that of a steady state, or of stages in time.
 
-    Of these it is the mean by power from the last steady state on.
+    Of these it is the mean by power from the last steady state on.  On the way to a steady state
+    the stresses that count in the flow law may still grow.
     """
 
     work: float = 0.0  # J, or W in a steady state
@@ -272,7 +273,8 @@ class MeanFlow:
 
     def add(self, state: StripState, duration: float) -> None:
         """Add the state at the end of a step that took such a time (s)."""
-        if (strip := YieldedStrip.of(state)) is None:
+        strip = YieldedStrip.of(state)
+        if strip is None or (state.plan.steady and state.control < 1.0):
             return
         (power, level), steady = strip.flowing, state.plan.steady
         if steady or (self.steady and power):

@@ -34,6 +34,7 @@ from anmstrip.mechanics.string_path import (
     closing_point,
     string_path,
 )
+from anmstrip.scene.checks import meant_modulus
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS, I_UNIT, RollerSpec
 from anmstrip.simulation.defaults import bending_stiffness
@@ -473,14 +474,14 @@ def _refused(scene: SceneSpec, thread: Thread, error: ValueError) -> InputError:
         hint = f'wrap = "{_other_side(scene, names[index])}"'
         if fitting and set(fitting) != {names[index]}:
             hint = "wrap = " + ", ".join(f'"{new}" of {name}' for name, new in fitting.items())
-        if turn < -0.5 * np.pi and (order := _order_that_fits(scene, thread)):  # it doubles back
-            hint = f"the tables of rollers in the order {order}, as strip passes them, or {hint}"
         for other in scene.rollers:
             if other.wrap is None and 0.0 <= _room(own, other) <= scene.strip.thickness:
                 hint = f"no wrap: the strip passes between it and {other.name}, or {hint}"
         hint += ", another centre, or no wrap: weight or its move then brings it there"
         hint += "; crossing = true if the strip crosses itself there"
         hint = ", or ".join([*_if_in_millimetres(scene), hint])
+        if turn < -0.5 * np.pi and (order := _order_that_fits(scene, thread)):  # it doubles back
+            hint = f"the tables of rollers in the order {order}, as strip passes them, or {hint}"
         return scene.refused(f"rollers.{names[index]}.wrap", own.wrap, expected, hint)
     if 0 < index < len(names):
         first, second = rollers[index - 1 : index + 1]
@@ -515,8 +516,10 @@ def _if_in_millimetres(scene: SceneSpec) -> Iterator[str]:
     """Yield what to type besides if radii or places, far larger than all others, are in mm.
 
     Places that are all as far from the origin of a drawing are not, nor are centres that count from
-    another one than the ends.
+    another one than the ends, nor what stands beside a modulus in MPa.
     """
+    if meant_modulus(scene.material.young) is not None:
+        return
     for roller in scene.rollers:
         if roller.radius > LARGEST_RADIUS:
             yield f"rollers.{roller.name}.radius = {1e-3 * roller.radius:g} if it is in mm"
