@@ -593,7 +593,10 @@ SUMMARY = (
     ),
     Mutant("time left is the whole time", "spent * (1 - done) / done", "spent / done", "summary"),
     Mutant(
-        "tensions of a sweep twice", '= values["tension"]', '= 2.0 * values["tension"]', "sweep"
+        "tensions of a sweep twice",
+        "values[key] for key in",
+        "2.0 * values[key] for key in",
+        "sweep",
     ),
     Mutant(
         "errors of a study without the largest",

@@ -115,7 +115,9 @@ def test_what_is_told_can_be_typed() -> None:
 def test_what_a_turning_point_had_changed_is_told_with_its_sign() -> None:
     back = {**TURN, "rollers": {"r1": {"surface_speed": -1.0}}}
     assembly = scene(stages=[TENSION, WRAP, back]).run().assembly
-    state: Any = SimpleNamespace(plan=Preview.of(assembly).plans[-1])
+    plan = Preview.of(assembly).plans[-1]
+    facts = {name: getattr(plan, name) for name in ("controls", "start", "duration")}
+    state: Any = SimpleNamespace(plan=SimpleNamespace(in_time=False, **facts), control=0.4)
     fold = PathStopped(Outcome.FOLD, 0.5)
     fold.farthest = 0.5
     words = turning_point(Failure(assembly, assembly.scene.course[-1], state, fold))

@@ -193,7 +193,7 @@ def test_summary_of_a_shell_tells_of_wrinkles(tmp_path):
     assert summary["warnings"] == run.warnings
     unstable, near = run.warnings
     assert "not stable" in unstable
-    assert "wrinkles are likely" in near
+    assert "by a rule of thumb it wrinkles above" in near
 
 
 @pytest.mark.parametrize(

@@ -264,7 +264,6 @@ class Budget:
         released : collection of str
             Edges that were let go.
         """
-        self.pulled = max(map(abs, tension_readings(state).values()), default=0.0)
         exact, self.parts = state, dict.fromkeys(("path", "time", "mesh", "regularisation"))
         if memory is None or memory.errors is None:
             if (found := balance_state(frozen_problem(state), state)) is None:
@@ -289,6 +288,7 @@ class Budget:
             except MemoryError:  # what is solved stays; nothing is known of the mesh
                 self._forget()
         self.time = state.time
+        self.pulled = max(map(abs, tension_readings(state).values()), default=0.0)
 
     def _forget(self, lost: bool = False) -> None:
         """Forget what a finer mesh told of a state; ``lost`` if it has none of the next one."""
