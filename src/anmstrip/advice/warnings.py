@@ -1018,7 +1018,7 @@ OTHER_RULES = (
     rates_of_labels, needless_shell, pulled_twice, keeps_its_load, *physics.PHYSICS_RULES,
 )  # fmt: skip
 RULES_OF_STAGES = buckled_section, unresolved_waves
-"""Rules for the state at the end of each stage, and in the others for the last state alone."""
+"""Rules for the state at the end of each stage; the others are for the last state alone."""
 
 RULES_AT_END = (
     lifted_off, undriven, standing_idlers, unbalanced_idlers, spinning_rollers, overstretched,
