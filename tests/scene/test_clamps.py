@@ -21,6 +21,7 @@ from anmstrip.errors import InputError
 from anmstrip.pictures.report import write_report
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import free_spans
+from anmstrip.simulation.defaults import tension_of_loads
 from anmstrip.simulation.problem import Assembly
 
 MESHES = Path(__file__).parents[2] / "meshes"
@@ -158,6 +159,10 @@ def test_strip_that_pressure_bends_between_jaws(thickness: float) -> None:
     u = 0.5 * length / layer
     moment = 0.5 * pressure * length * layer * (1.0 / np.tanh(u) - 1.0 / u)
     assert abs(state.clamp_moment("entry")) == pytest.approx(moment, rel=2e-3)
+    material = {"young": YOUNG, "poisson": 0.3}
+    given = {"strip": strip, "material": material, "edges": edges, "stages": stages}
+    expected = tension_of_loads(Scene.model_validate(given))
+    assert expected == pytest.approx(state.tension("entry"), rel=4.0 / u)  # as bending bears a part
 
 
 def test_clamped_sides_are_told_everywhere(tmp_path: Path) -> None:
