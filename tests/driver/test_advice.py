@@ -297,6 +297,14 @@ DRAWN_OUT = {
     "stages": [{"name": "draw", "exit": {"move": [1e-3, 0.0, 0.0]}},
                {"name": "let_go", "exit": {"release": True}}],
 }  # fmt: skip
+STEEP_PLATE = {
+    "strip": {"kinematics": "plate", "length": 4.0, "width": 1.0, "thickness": 1e-3},
+    "material": {"young": 2e11, "poisson": 0.3},
+    "contact": {},
+    "rollers": [{"radius": 0.5, "centre": [0.0, 0.0, -0.5]}],
+    "edges": {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["z"]}},
+    "stages": [{"exit": {"force": [1e4, 0.0, 0.0]}, "rollers": {"r1": {"move": [0.0, 0.0, 0.4]}}}],
+}  # fmt: skip
 MORE: list[tuple[dict[str, Any], str, list[str]]] = [
     (DRAWN_OUT, "the strip does not spring back", []),
     (SLACK_BELT, "in stage run lengthens the strip by 0.00072 of its length", []),
@@ -313,6 +321,7 @@ MORE: list[tuple[dict[str, Any], str, list[str]]] = [
     (FLOATED, "leaves roller in", []),
     (merged(BLOWN, stages=[{**BLOWN["stages"][0], "pressure": -3e4}]), "of 2.1 m is no arc", []),
     (changed(("strip.kinematics", None)), "nothing varies across the strip", []),
+    (STEEP_PLATE, "kinematics plate does not see that slopes reach", []),
     (merged(FLAT, strip={"refined": 0.25}), "cannot follow its radius", []),
     (merged(FLAT, contact={"stiffness": 1e5}), "the strip sinks 0.36 m into roller r1", []),
     (merged(FLAT, contact={"stiffness": None, "eta": None, "delta": None, "onset": 0.1,

@@ -1005,6 +1005,18 @@ def needless_shell(preview: Preview) -> Iterator[str]:
         )
 
 
+def unseen_facts(preview: Preview) -> Iterator[str]:
+    """What the chosen level of kinematics leaves out of a scene that it can solve."""
+    found, own = levels(preview), preview.assembly.kinematics
+    (against,) = (level.against for level in found if level.kinematics is own)
+    if against:
+        best = justified_level(found).kinematics.name
+        yield (
+            f"kinematics {own.name} does not see that {'; '.join(against)}. "
+            f"Try --set 'strip.kinematics=\"{best}\"'"
+        )
+
+
 SERIOUS_RULES = (
     physics.roller_in_the_way, physics.roller_beyond_strip, physics.meeting_rollers,
     physics.turned_axis, physics.roller_over_an_end, physics.rollers_without_friction,
@@ -1015,7 +1027,8 @@ SERIOUS_RULES = (
 )  # fmt: skip
 OTHER_RULES = (
     free_motions, coarse_mesh, coarse_hinges, late_yield, slipping_friction, growing_wraps,
-    rates_of_labels, needless_shell, pulled_twice, keeps_its_load, *physics.PHYSICS_RULES,
+    rates_of_labels, needless_shell, unseen_facts, pulled_twice, keeps_its_load,
+    *physics.PHYSICS_RULES,
 )  # fmt: skip
 RULES_OF_STAGES = buckled_section, unresolved_waves
 """Rules for the state at the end of each stage; the others are for the last state alone."""
@@ -1128,6 +1141,11 @@ def against_section(preview: Preview) -> Iterator[str]:
             yield f"the axis of {roller.name} is not along y"
         if roller.profile:
             yield f"{roller.name} is crowned or tapered"
+    for name, (curl, friction) in preview.assembly.layout.curled.items():
+        yield (
+            f"free edges curl up off {name}, which takes {2.0 * curl.force:.0f} N of the "
+            f"{friction:.0f} N of friction there"
+        )
     for key in dict.fromkeys(key for shape in scene.shapes for key in shape.varying_across):
         yield f"{key.replace('_', ' ')} varies across the strip"
     for stage in scene.stages:

@@ -133,8 +133,6 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
     if lighter := lighter_stages(assembly):
         yield f"Before larger forces act, relative to {lighter}."
     yield from unusual(scene)
-    if own in against:
-        yield f"Warning: kinematics {own} does not see that {against[own]}."
     yield from (f"Warning: {line}" for line in warnings(preview))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -62,6 +63,9 @@ section that slips at a tolerance of 1e-6 is off by six of these, and not by 0.5
 BENDING_SPAN = 1.0 / 3.0
 """Share of a span over which strip is bent onto a roller at most: by √(D/T) alone a leveller of
 seven rollers 60 mm apart, under 10 kN/m, flows at 1.031 of its yield stress instead of 0.988."""
+
+PLASTIC_SHAPE = 1.5
+"""Moment of a strip that is plastic all through its thickness over that of its first yield."""
 
 YIELDED_STRAIN = 3.0
 """Plastic strain of strip that is drawn or moved, over that of first yield, of which its rate is
@@ -447,6 +451,30 @@ def boundary_layer(scene: SceneSpec) -> float:
     tension = tension or tension_of_loads(scene)
     layer = float(np.sqrt(bending_stiffness(scene) / tension)) if tension > 0.0 else np.inf
     return min(layer, (4.0 * bending_stiffness(scene) / k) ** 0.25) if k else layer
+
+
+class EdgeCurl(NamedTuple):
+    """What lifts off a cylinder beside a free edge of strip that is bent onto it."""
+
+    width: float  # m
+    lift: float  # m, of the edge
+    force: float  # N, along, by which it relieves the middle of the strip
+
+
+def edge_curl(scene: SceneSpec, radius: float) -> EdgeCurl:
+    """Return how free edges curl off a cylinder of radius r.
+
+    The moment ν D/r that keeps strip straight across ends at its edges.  Over a width b each lifts
+    off as a beam on the stiffness E t/r² of hoops, which rests without a moment where it touches:
+    β b = π/2 with β⁴ = 3 (1 − ν²)/(r t)², up to w = ν/(2 β² r).  Its fibres are longer by the lift
+    over r, which pulls them by F = E t w/(cosh(π/2) β r), less where the strip yields as it bends.
+    """
+    m, thickness = scene.material, scene.strip.thickness
+    beta = (3.0 * (1.0 - m.poisson**2)) ** 0.25 / np.sqrt(radius * thickness)
+    bent = min(1.0 / radius, PLASTIC_SHAPE * (first_yield(scene) or np.inf))
+    lift = m.poisson * bent / (2.0 * beta**2)
+    force = m.young * thickness * lift / (np.cosh(np.pi / 2.0) * beta * radius)
+    return EdgeCurl(0.5 * np.pi / beta, lift, float(force))
 
 
 def bent_curvature(scene: SceneSpec, radius: float, turn: float) -> float:

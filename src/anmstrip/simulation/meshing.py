@@ -22,9 +22,12 @@ from anmstrip.scene.checks import PARALLEL_COSINE
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS, RollerControl, StageSpec
 from anmstrip.simulation.defaults import (
+    EdgeCurl,
     bending_stiffness,
     boundary_layer,
+    coefficient_on,
     distributed_load,
+    edge_curl,
     edge_pulls,
     first_yield,
     follows_rollers,
@@ -102,6 +105,18 @@ times the onset four do not arrive, of eight that fall by 10 to 170 times all do
 
 MAX_LYING_TURN = 0.1
 """Angle (rad) by which a taut string turns at most on the rollers that strip only lies on."""
+
+CURL_SHARE = 0.35
+"""Share of a roller's friction, under the largest tension, that edges which curl off it may need.
+
+Between two bridle rolls at one speed the tension is higher by 0.3 % with 0.29 (by 0.9 % where the
+second is about to slide) and by 3 % with 0.45."""
+
+CURL_ARC = 4.0
+"""Length of an arc, over the width on which edges curl, from which on they do so in full."""
+
+CURL_LINES = 0.8, 2.0
+"""Distances from a free edge of lines of nodes, over the width on which it curls."""
 
 NIP_GAP = 1.0 + 1e-6
 """Gap, in thicknesses of the strip, up to which facing rollers nip it: round-off of centres."""
@@ -215,7 +230,7 @@ class Layout:
         has nodes: a string has corners of its curvature there.  ``strip.finer`` multiplies the
         numbers of elements.
         """
-        scene, spec, across = self.scene, self.scene.strip, lines_across(self.scene)
+        scene, spec, across = self.scene, self.scene.strip, self.lines_across
         assert spec.width is not None
         section = spec.kinematics == "section"
         xs = self.by_default() if spec.cells is None else self.chosen(spec.cells)
@@ -226,6 +241,39 @@ class Layout:
         if spec.kinematics == "shell":
             fits_into_memory(scene, unknowns_per_line(scene, len(across) - 1) * len(xs))
         return line(xs) if section else grid(xs, across * spec.width)
+
+    @property
+    def lines_across(self) -> Array:
+        """Lines of nodes along (y / width), closer beside edges that curl, see :attr:`curled`."""
+        spec, widest = self.scene.strip, max((c.width for c, _ in self.curled.values()), default=0)
+        if spec.cells is not None or not widest:
+            return lines_across(self.scene)
+        assert spec.width is not None
+        return lines_across(self.scene, [at * widest / spec.width for at in CURL_LINES])
+
+    @cached_property
+    def curled(self) -> dict[str, tuple[EdgeCurl, float]]:
+        """Rollers of one drive that free edges curl off, and the friction (N) on each of them.
+
+        What stretches these edges friction has to bring up where strip comes on, and to take back
+        where it leaves.  Where that is no longer a small share, less is left for the tension
+        between two rollers whose speeds share it out.
+        """
+        scene, thread, found = self.scene, self.thread, dict[str, tuple[EdgeCurl, float]]()
+        width = scene.strip.width or 0.0
+        sides = {*scene.edges, *(name for stage in scene.stages for name in stage.edges)} - {*ENDS}
+        led = {spec.name: spec for spec in scene.rollers if spec.drive == "speed"}
+        if thread is None or not scene.strip.bending or sides or len(led) < 2:
+            return found
+        for roller, turn in zip(thread.rollers, thread.middle.arcs.turn[:, 0], strict=True):
+            if (spec := led.get(roller.name)) is None:
+                continue
+            curl = edge_curl(scene, roller.radius)
+            friction = coefficient_on(scene, spec) * largest_force(scene) * turn * width
+            full = min(roller.radius * turn / CURL_ARC, 0.4 * width / CURL_LINES[-1]) > curl.width
+            if full and 2.0 * curl.force > CURL_SHARE * friction > 0.0:
+                found[roller.name] = curl, friction
+        return found
 
     @property
     def lifts(self) -> list[float]:
@@ -244,10 +292,12 @@ class Layout:
     def by_default(self) -> Array:
         """Coordinates of nodes of a scene without ``strip.cells``, see :meth:`default_zones`.
 
-        All are longer by one factor where there would be more than :func:`most_unknowns`.
+        All are longer by one factor where there would be more than :func:`most_unknowns`, beside
+        what edges that curl take.
         """
         scene, coarse = self.scene, 2.0 * self.half / MIN_ELEMENTS
-        per_line = unknowns_per_line(scene, round(cells_across(scene) / mesh_density(scene)))
+        across = len(lines_across(scene)) - 1
+        per_line = unknowns_per_line(scene, round(across / mesh_density(scene)))
         most = most_unknowns(len(self.rollers)) // per_line - 1
         zones, marks = self.default_zones(), sorted([*self.lifts, *self.corners])
         return graded_nodes(self.half, zones, coarse, marks, most, mesh_density(scene))
@@ -333,10 +383,11 @@ class Layout:
         while True:
             strip = scene.strip.model_copy(update={"finer": factor})
             other = scene.model_copy(update={"strip": strip})
-            xs = replace(self, scene=other).by_default()
+            layout = replace(self, scene=other)
+            xs, across = layout.by_default(), len(layout.lines_across) - 1
             shortest = float(np.diff(xs).min())
             if shortest <= longest or factor >= MAX_FINER:
-                across = 1 if strip.kinematics == "section" else cells_across(other)
+                across = 1 if strip.kinematics == "section" else across
                 unknowns = len(xs) * unknowns_per_line(other, across)
                 return Refinement(factor, unknowns, (len(xs) - 1) * across)
             step = 10.0 ** (np.floor(np.log10(factor)) - 1.0)
@@ -573,20 +624,24 @@ def unknowns_per_line(scene: SceneSpec, across: int) -> int:
     return 4 if level == "section" else {"plate": 4, "shell": 12}[level] * (across + 1)
 
 
-def lines_across(scene: SceneSpec) -> Array:
+def lines_across(scene: SceneSpec, beside: Sequence[float] = ()) -> Array:
     """Return y / width of the lines of nodes along: as typed, or enough for what varies across.
 
     Those are equally far apart between corners of heat and flatness, which are nodes, and the
-    middle: that of an edge is a node where their number is even.
+    middle: that of an edge is a node where their number is even.  Further ones are beside both
+    edges, at distances over the width.
     """
     usual = 8 if any(roller.profile for roller in scene.rollers) else 4
     count = usual if scene.strip.cells is None else scene.strip.cells[1]
     corners = [] if scene.strip.cells is not None else corners_across(scene)
     near = 0.0 if any(edge.centred for edge in scene.edges.values()) else 0.25 / count
     middle = count % 2 == 0 and all(abs(at) > near for at in corners)
-    marks = sorted([-0.5, *corners, *[0.0] * middle, 0.5])
-    counts = np.diff(marks) * count * mesh_density(scene)
-    counts = np.ceil(counts - 1e-9) if corners else np.maximum(np.round(counts), 1.0)
+    inner = 0.5 - max(beside, default=0.0)
+    edges = [side * (0.5 - at) for at in beside for side in (-1.0, 1.0)]
+    marks = np.sort([-0.5, *corners, *edges, *[0.0] * middle, 0.5])
+    outside = np.abs(marks[1:] + marks[:-1]) > 2.0 * inner
+    counts = np.maximum(np.diff(marks) * count, outside) * mesh_density(scene)
+    counts = np.ceil(counts - 1e-9) if corners or edges else np.maximum(np.round(counts), 1.0)
     pieces = zip(pairwise(marks), counts, strict=True)
     parts = [np.linspace(a, b, 1 + int(n)) for (a, b), n in pieces]
     return np.concatenate([[-0.5], *(part[1:] for part in parts)])
@@ -603,11 +658,6 @@ def corners_across(scene: SceneSpec) -> list[float]:
             turns = np.abs(np.diff(np.diff(values) / np.diff(eta)))
             found |= set(eta[1:-1][turns > CORNER_SHARE * turns.max()].tolist())
     return sorted(found) if len(found) <= MAX_CORNERS_ACROSS else []
-
-
-def cells_across(scene: SceneSpec) -> int:
-    """Return the number of elements across."""
-    return len(lines_across(scene)) - 1
 
 
 def mesh_density(scene: SceneSpec) -> float:
