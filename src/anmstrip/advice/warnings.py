@@ -793,7 +793,7 @@ def coarse_hinges(preview: Preview) -> Iterator[str]:
     wanted = LAYER_SHARE * assembly.layout.hinge_length
     finest = float(assembly.strip.cell_sizes[0].min())
     steady = all(stage.steady or not stage.friction for stage in scene.stages)
-    other = "" if steady else " or steady stages alone"
+    other = "" if steady or assembly.thread is None else " or steady stages alone"
     if finest > COARSE_RATIO * wanted:
         yield (
             f"strip yields on its rollers in hinges {wanted / LAYER_SHARE:.2g} m long, but the "
