@@ -1022,6 +1022,33 @@ def test_a_draw_that_stretchy_strip_holds_between_rollers_is_no_slip() -> None:
         assert any("the strip slips on one of them" in line for line in told) == slips
 
 
+@pytest.mark.parametrize(("rise", "slips"), [(2.0, False), (1.5, True)])
+def test_an_accumulator_gives_off_what_its_entry_brings_less(rise: float, slips: bool) -> None:
+    """Two strands of a carriage that rises by h are shorter by 2 h: at 1 m/s, those 2 m/s."""
+    places = {"slow": (0.0, -0.3), "carriage": (0.6, -6.0), "fast": (1.2, -0.3)}
+    rollers = [
+        {"name": name, "radius": 0.3, "centre": [x, 0.0, z], "wrap": "left"}
+        for name, (x, z) in places.items()
+    ]
+    rollers[1] |= {"wrap": "right", "drive": "idle"}
+    speeds = {"slow": {"surface_speed": 2.0}, "fast": {"surface_speed": 2.0}}
+    stages = [
+        {"name": "run", "steady": True, "entry": {"tension": 8e3}, "rollers": speeds},
+        {"name": "rise", "duration": 2.0, "rollers": {
+            "slow": {"surface_speed": 0.0}, "carriage": {"move": [0.0, 0.0, rise]}}},
+    ]  # fmt: skip
+    tables = {
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 7e-4},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "friction": {"coefficient": 0.2},
+        "threading": {"tension": 8e3, "entry": [-2.0, 0.0, 0.0], "exit": [3.0, 0.0, 0.0]},
+        "rollers": rollers,
+        "stages": stages,
+    }
+    told = warnings(preview_of(tables))
+    assert any("the strip slips on one of them" in line for line in told) == slips
+
+
 @pytest.mark.parametrize(("speed", "gravity", "hangs"), [
     (0.9, -9.81, True), (0.9, 0.0, False), (1.1, -9.81, False),
 ])  # fmt: skip

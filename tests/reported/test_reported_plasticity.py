@@ -846,6 +846,32 @@ def test_a_line_that_rests_first_has_the_mesh_of_its_stationary_state(tmp_path):
     assert abs(curl - alone) < 0.3 * abs(coarse - alone) and not told
 
 
+@pytest.mark.parametrize(("depth", "hinges"), [(-0.03, True), (-0.005, False)])
+def test_a_plate_that_a_roller_bends_is_told_the_elements_of_its_hinge(depth, hinges):
+    """3 d/a² is 0.56 or 0.09 1/m, and faces flow from 0.18 1/m on; nothing told that the curvature
+    was 23 % less than that of shorter elements."""
+    places = {"left": (-0.4, -0.12), "right": (0.4, -0.12), "top": (0.0, 0.12)}
+    tables = {
+        "strip": {"kinematics": "section", "length": 1.6, "width": 2.0, "thickness": 0.02},
+        "material": {"young": 2.06e11, "poisson": 0.3, "yield_stress": 3.55e8, "plasticity": {}},
+        "friction": {"coefficient": 0.1},
+        "rollers": [
+            {"name": name, "radius": 0.12, "centre": [x, 0.0, z]} for name, (x, z) in places.items()
+        ],
+        "edges": {"entry": {"fixed": ["x"]}},
+        "stages": [
+            {"name": "press", "duration": 1.0, "rollers": {"top": {"move": [0.0, 0.0, depth]}}}
+        ],
+    }
+    told = [w for w in Scene.from_tables(tables, "p.toml").run().forewarnings() if "in hinges" in w]
+    assert len(told) == hinges
+    if hinges:
+        tables["strip"]["refined"] = float(told[0].partition("refined=")[2].split()[0])
+        assert tables["strip"]["refined"] == pytest.approx(0.4 / 80.0)
+        run = Scene.from_tables(tables, "p.toml").run()
+        assert not [w for w in run.forewarnings() if "in hinges" in w]
+
+
 def test_moments_and_shares_of_hinges_are_bounded_in_vtk_files_as_in_the_profile(tmp_path):
     """The moment of curvature alone is 16 times as large where the strip comes to lie."""
     tables = {

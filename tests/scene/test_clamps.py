@@ -392,6 +392,17 @@ def test_an_edge_that_the_jaws_have_let_go_takes_a_moment() -> None:
     assert state.clamp_moment("exit") == pytest.approx(0.0, abs=1e-6)
 
 
+def test_a_side_that_the_jaws_have_let_go_is_told_no_moment() -> None:
+    """Of a plate it was told 8 % of that of the jaws, by which elements miss a free side."""
+    edges = {name: JAWS | {"fixed": ["z"]} for name in ("entry", "exit", "left", "right")}
+    stages = [{"name": "press", "pressure": -0.01}, {"name": "open", "left": {"release": True}}]
+    strip = {"kinematics": "plate", "length": 2.0, "width": 1.0}
+    state = solved(stages, edges, strip=strip, poisson=0.3)
+    told = state.clamp_moments(edges)
+    assert list(told) == ["entry", "exit", "right"]
+    assert told["right"] == state.clamp_moment("right")
+
+
 @pytest.mark.parametrize(
     ("tables", "key"),
     [

@@ -615,6 +615,23 @@ def test_a_wide_strip_that_is_heated_along_is_no_section(along: Any, needless: b
     assert bool(list(needless_shell(preview))) == needless
 
 
+@pytest.mark.parametrize("yields", [False, True])
+def test_a_shell_that_yields_is_told_what_it_costs(yields: bool) -> None:
+    """It takes minutes over a roller, where its section takes seconds."""
+    tables: dict[str, Any] = {
+        "strip": {"width": 0.3, "thickness": 6e-4},
+        "material": {"young": 2e11, "poisson": 0.3, "yield_stress": 2.5e8},
+        "friction": {"coefficient": 0.1},
+        "threading": {"tension": 3e4, "entry": [-0.4, 0.0, -0.15], "exit": [0.5, 0.0, -0.15]},
+        "rollers": [roller("a", 0.0, -0.04, 0.04, "over")],
+        "stages": [{"steady": True, "strip": {"speed": 1.0}}],
+    }
+    tables["material"] |= {"plasticity": {}} if yields else {}
+    told = list(needless_shell(Preview.of(Assembly(Scene.model_validate(tables)))))
+    assert len(told) == yields
+    assert all("each state takes seconds" in line for line in told)
+
+
 def test_a_run_goes_on_with_its_fields(tmp_path: Path) -> None:
     """Interrupted within a stage that heats, and resumed: as if nothing had been."""
     heat = {"across": (300.0,), "along": ((0.5, 0.0), (1.5, 1.0))}

@@ -788,7 +788,8 @@ def carrying_speeds(
 def unequal_speeds(preview: Preview) -> Iterator[str]:
     """Driven rollers of which some must slip or brake, since their surfaces go at other speeds.
 
-    Not those between which strip stretches as much, by less tension than they hold, or yields.
+    Not those between which strip stretches as much, by less tension than they hold, or yields, nor
+    where runs take strip up, or give it off, as rollers move: at most twice as fast as they.
     """
     assembly = preview.assembly
     touched = [roller for roller in assembly.driven if preview.turn(roller) > 0.0]
@@ -800,14 +801,18 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
         whole = float(np.prod([holding_ratio(preview, roller) for roller in touched]))
         yields = preview.tension * np.sqrt(whole) > flow * assembly.strip.thickness
         held = LARGEST_ELONGATION if yields else held
+    places = dict[str, tuple[float, float, float]]()
     for stage, last in carrying_speeds(assembly, touched):
-        if not stage.rollers or not any(last.values()):
+        ways = [np.subtract(to, places.get(name, 0.0)) for name, to in stage.moves.items()]
+        places |= stage.moves
+        taken = 0.0 if stage.steady else 2.0 * sum(map(np.linalg.norm, ways)) / stage.duration
+        if not any(last.values()):
             continue
         fast = max(last, key=lambda name: abs(last[name]))
         others = {r.name: r for r in touched if holding_ratio(preview, r) > 1.0}
         for name, told in others.items():
             speed, given = last.get(name, 0.0), last[fast]
-            draw = abs(speed - given) / abs(given)
+            draw = (abs(speed - given) - taken) / abs(given)
             if draw > max(SPEED_DIFFERENCE, held):
                 how = f"goes at {speed:g} m/s" if speed else "stands"
                 order = [r.name for r in touched]  # along the strip

@@ -793,7 +793,7 @@ def coarse_hinges(preview: Preview) -> Iterator[str]:
     wanted = LAYER_SHARE * assembly.layout.hinge_length
     finest = float(assembly.strip.cell_sizes[0].min())
     steady = all(stage.steady or not stage.friction for stage in scene.stages)
-    other = "" if steady else " or steady stages alone"
+    other = "" if steady or assembly.thread is None else " or steady stages alone"
     if finest > COARSE_RATIO * wanted:
         yield (
             f"strip yields on its rollers in hinges {wanted / LAYER_SHARE:.2g} m long, but the "
@@ -937,8 +937,9 @@ def slipping_friction(preview: Preview) -> Iterator[str]:
             )
 
 
-LARGE_SHELL = 5000
-"""Unknowns of a shell from which on it is told that a section would do."""
+LARGE_SHELL, LARGE_YIELDING_SHELL = 5000, 1000
+"""Unknowns of a shell from which on it is told that a section would do.  One of 4 260 that yields
+over a roller takes 52 tangents of 2 s; its section takes 10 s in all."""
 
 
 def growing_wraps(preview: Preview) -> Iterator[str]:
@@ -996,12 +997,16 @@ def needless_shell(preview: Preview) -> Iterator[str]:
     fields = [given for strip in scene.shapes for given in strip.natural.values()]
     along = any(isinstance(given, FieldSpec) and given.along for given in fields)
     clamped = not scene.rollers and scene.held_in("y")
-    if count < LARGE_SHELL or "kinematics" in typed or along or clamped:
+    large = LARGE_SHELL if assembly.flow is None else LARGE_YIELDING_SHELL
+    if count < large or "kinematics" in typed or along or clamped:
         return
     if not any(against_section(preview)):
+        flows = "" if assembly.flow is None else " that yields, of which each state takes seconds"
+        less = "" if assembly.flow is None else ", and tells no crossbow"
         yield (
-            f"nothing varies across the strip, which is a shell of {count} unknowns: a section has "
-            f"{size_of(assembly, SECTION).unknowns}. Try --set 'strip.kinematics=\"section\"'"
+            f"nothing varies across the strip, which is a shell of {count} unknowns{flows}: a "
+            f"section has {size_of(assembly, SECTION).unknowns}{less}. "
+            "Try --set 'strip.kinematics=\"section\"'"
         )
 
 

@@ -42,7 +42,7 @@ MEGABYTE = 2.0**20
 
 INTERNAL_CONTROLS = {
     *("strip.held", "strip.growth", "strip.softening", "strip.weakening"),
-    *(f"{end}.{kind}" for end in ENDS for kind in ("unevenness", "slack")),
+    *(f"{end}.{kind}" for end in ENDS for kind in ("unevenness", "uneven_force", "slack")),
     "yielding",
 }
 """Controls that follow from others, and are typed by nobody."""
@@ -486,8 +486,9 @@ def report(run: Run, told: Collection[str] = ()) -> str:
         if (level := run.flow.level) is not None:
             parts.append(f"By its rate, the strip flows at {level:.3f} times its yield stress.")
         ends = (f"{state.tension(name):.6g} N/m at the {name}" for name in ENDS)
-        jaws = (f"{state.clamp_moment(name):.6g} N at the {name}" for name in run.scene.clamped)
-        moments = f" Moment {' and '.join(jaws)}." if run.scene.clamped else ""
+        held = state.clamp_moments(run.scene.clamped)
+        jaws = (f"{moment:.6g} N at the {name}" for name, moment in held.items())
+        moments = f" Moment {' and '.join(jaws)}." if held else ""
         parts.append(f"Tension {' and '.join(ends)}.{moments}")
         latent, manifest = (run.flatness.get(f"{k}_flatness") for k in ("latent", "manifest"))
         if latent is not None and manifest is not None and latent >= MIN_FLATNESS:

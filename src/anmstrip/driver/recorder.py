@@ -205,9 +205,8 @@ class Recorder:
         rollers: dict[str, Any] = {}
         if state is not None:
             edges = {n: {"tension": state.tension(n), "force": state.edge_force(n)} for n in ENDS}
-            for name in self.assembly.scene.clamped:
-                edges.setdefault(name, {"force": state.edge_force(name)})
-                edges[name]["moment"] = state.clamp_moment(name)
+            for name, moment in state.clamp_moments(self.assembly.scene.clamped).items():
+                edges.setdefault(name, {"force": state.edge_force(name)})["moment"] = moment
             for name, reading in state.rollers.items():
                 cost = state.regularisation[name]
                 effect = {n: getattr(cost, f"by_{n}") for n in ("creep", "cone", "penetration")}

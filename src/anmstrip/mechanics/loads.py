@@ -32,6 +32,21 @@ def edge_force(strip: Strip, name: str) -> LoadEffect:
     return LoadEffect(f"force on {name}", f"{name}.force", load, strip.kinematics)
 
 
+@dataclass(frozen=True)
+class UnevenForce(LoadEffect):
+    """Dead forces on the unknowns of an edge (N), control ``NAME.uneven_force`` (unknowns,)."""
+
+    def force(self, full: Array, velocity: Array | None, controls: Values) -> Array:
+        """Return minus the control; none without it."""
+        return -controls.get(self.control, self.load)
+
+
+def uneven_edge_force(strip: Strip, name: str) -> UnevenForce:
+    """What has held an edge that is let go, beyond its mean per length."""
+    control, nothing = f"{name}.uneven_force", np.zeros(strip.unknowns)
+    return UnevenForce(f"uneven force on {name}", control, nothing, strip.kinematics)
+
+
 def weight(strip: Strip) -> LoadEffect:
     """Weight ρ t per area, scaled by the control ``gravity`` (m/s²)."""
     basis, weights, load = strip.basis, strip.weights(), np.zeros(strip.scalars)

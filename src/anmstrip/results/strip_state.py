@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import compress, permutations
@@ -206,6 +207,24 @@ class StripState:
             given[0] -= self.controls.get("exit.force", np.zeros(3))[0] * edge.length
         values = strip.nodal(self.imbalance)[edge.values].sum(axis=0)
         return strip.kinematics.embed(values) + given
+
+    def uneven_reaction(self, name: str) -> dict[str, Array]:
+        """What holds an edge of a shell beyond an even force, control ``NAME.uneven_force`` (N).
+
+        Nothing as a whole, but a moment in the plane of strip that is out of line.
+        """
+        strip = self.plan.model.strip
+        edge, forces = strip.edges[name], strip.nodal(self.imbalance)
+        uneven = np.zeros_like(forces)
+        even = np.outer(edge.load, forces[edge.values].sum(axis=0) / edge.length)
+        uneven[edge.trace] = (forces - even)[edge.trace]
+        return {f"{name}.uneven_force": uneven.ravel()} if strip.mesh.dim() == 2 else {}
+
+    def clamp_moments(self, names: Iterable[str]) -> dict[str, float]:
+        """Mean moments at those of the clamped edges (N) that have not been let go."""
+        strip, free = self.plan.model.strip, self.plan.supports.free
+        held = (n for n in names if not np.isin(strip.edge_unknowns(n, (), [2], ()), free).any())
+        return {name: self.clamp_moment(name) for name in held}
 
     def clamp_moment(self, name: str) -> float:
         """Mean moment at a clamped edge (N), positive where the upper side is stretched.

@@ -197,6 +197,7 @@ class March:
         for name, control in stage.edges.items():
             if state is not None and control.release and name not in self.course.released:
                 reactions[name] = state.edge_force(name) / self.assembly.strip.edges[name].length
+                self.course.values |= state.uneven_reaction(name)
         if stage.steady and state is not None and state.plan.in_time:
             self.course.take_over(state)
         if stage.steady and self.reached is None:

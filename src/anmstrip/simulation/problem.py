@@ -35,6 +35,7 @@ from anmstrip.mechanics.loads import (
     edge_moment,
     edge_tension,
     pressure,
+    uneven_edge_force,
     uneven_edge_tension,
     weight,
 )
@@ -791,6 +792,7 @@ class Assembly:
             own.append(Foundation(self.strip, stiffness))
         effects: list[Effect] = [effect for effect in own if effect is not None]
         makers = {"force": edge_force, "tension": edge_tension, "moment": edge_moment}
+        makers["uneven_force"] = uneven_edge_force
         laid = self.thread.ends_in_space(self.strip)[2:] if self.thread else ()
         outward = dict(zip(ENDS, laid, strict=False))
         for control in given:

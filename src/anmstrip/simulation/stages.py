@@ -191,6 +191,8 @@ class Course:
             excess = uneven_tension(a.strip, name, values)
             if excess is not None and not self._holds_along(name, self._held(stage)):
                 found[f"{name}.unevenness"] = excess
+                if (held := f"{name}.uneven_force") in values:  # of which that is the most
+                    found[held] = 0.0 * values[held]
                 found[f"{name}.slack"] = -excess.min(keepdims=True)
         return found
 
@@ -305,7 +307,8 @@ class Course:
     def hold_entry_again(self) -> None:
         """Hold the entry that stages in time have let go, as a steady one does."""
         self.released.discard("entry")
-        self.values.pop("entry.force", None)
+        for kind in ("force", "uneven_force"):
+            self.values.pop(f"entry.{kind}", None)
 
     def stand_still(self) -> None:
         """Let the strip and all rollers begin the next stage at rest."""
@@ -394,6 +397,10 @@ class Course:
                 end[f"{name}.force"] = np.array(edge.force, dtype=float)
             elif edge.release and pulled_nowhere(self.assembly.scene):
                 end[f"{name}.force"] = np.zeros(3)  # what friction or weight alone made it bear
+            uneven, threaded = f"{name}.uneven_force", name in self.outward
+            anew = edge.force is not None or (edge.tension is not None and not threaded)
+            if uneven in start and (anew or (edge.release and pulled_nowhere(self.assembly.scene))):
+                end[uneven] = 0.0 * start[uneven]
             scalar = stage.steady and name == "entry"  # the strip's speed answers to it
             guided = scalar or "z" in self._held().get(name, ())
             if edge.tension is not None and name in self.outward and not guided:
