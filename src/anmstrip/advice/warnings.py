@@ -861,8 +861,14 @@ def priced(key: str, unknowns: int) -> str:
 
 
 def time_words(seconds: float) -> str:
-    """Return a time in seconds, or in minutes where it is long."""
-    return f"{seconds:.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} minutes"
+    """Return a time in seconds, or in minutes where it is long.
+
+    Examples
+    --------
+    >>> time_words(0.2), time_words(40.0), time_words(600.0)
+    ('1 s', '40 s', '10 minutes')
+    """
+    return f"{max(seconds, 1.0):.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} minutes"
 
 
 def strict_tolerance(preview: Preview) -> Iterator[str]:
@@ -968,7 +974,7 @@ class Passages:
 
     @property
     def words(self) -> str:
-        """What happens, where, and how often."""
+        """Return what happens, where, and how often."""
         most = max(self.along.values())
         names = ", ".join(name for name, way in self.along.items() if way > 0.1 * most)
         way, does = (most, "pass") if self.laid < most else (self.laid, "come to lie on")
@@ -986,55 +992,42 @@ def contact_passages(preview: Preview) -> Iterator[Passages]:
     assembly, contact = preview.assembly, preview.assembly.scene.contact
     typed = contact is None or contact.onset or contact.constants or contact.law  # softer, or known
     pitch = float(assembly.strip.cell_sizes[0].min()) / (2 * assembly.strip.contact_parts)
-    radii = {roller.name: float(roller.radius) for roller in assembly.rollers}
-    before: Mapping[str, float] | None = None
+    names, before = [roller.name for roller in assembly.rollers], None
+    radii = np.array([roller.radius for roller in assembly.rollers], dtype=float)
     for (_, plan, after), way in zip(preview, label_travel(preview), strict=True):
-        turns = after.turns if typed or before is None else before
-        more = {n: after.turns.get(n, 0.0) - turns.get(n, 0.0) for n in radii}
-        laid = {n: max(r * more[n], 0.0) for n, r in radii.items()}
-        wrapped = {n for n in radii if max(after.turns.get(n, 0.0), turns.get(n, 0.0)) > 0.0}
-        along = {n: way * (n in wrapped) + 0.5 * laid[n] for n in radii}
-        before, squares, ripple = after.turns, 0.0, 0.0
-        for name, length in along.items():
-            slip = length / plan.duration * (pitch / radii[name]) ** 2 / 12.0
-            speed = np.inf if plan.friction is None else plan.friction.law_of_slip.speed
-            ripple = max(ripple, slip)
-            squares += (length / pitch) ** 2 * (1.0 + slip / speed * plan.in_time)
-        cost = TANGENTS_PER_PASSAGE[0 if plan.in_time else 1] * float(np.sqrt(squares))
-        yield Passages(plan, along, sum(laid.values()), pitch, ripple, cost)
+        turns = np.array([after.turns.get(name, 0.0) for name in names])
+        past = turns if typed or before is None else before
+        before, laid = turns, np.maximum(radii * (turns - past), 0.0)
+        along = way * (np.maximum(turns, past) > 0.0) + 0.5 * laid
+        slip = along / plan.duration * (pitch / radii) ** 2 / 12.0
+        speed = plan.friction.law_of_slip.speed if plan.in_time and plan.friction else np.inf
+        count = np.sqrt(np.square(along / pitch) @ (1.0 + slip / speed))
+        cost = TANGENTS_PER_PASSAGE[0 if plan.in_time else 1] * float(count)
+        each = dict(zip(names, along.tolist(), strict=True))
+        yield Passages(plan, each, float(laid.sum()), pitch, float(slip.max()), cost)
 
 
 def label_travel(preview: Preview) -> Iterator[float]:
     """Yield how far (m) the points of the strip go in every stage: nowhere but in time.
 
     As an end that is held, else as the fastest roller of a given speed; strip that is fed, and that
-    of a closed line, passes points that stay.
+    of a closed line, passes points that stay.  Speeds are linear in a stage, and may turn round.
     """
     assembly, scene = preview.assembly, preview.assembly.scene
     driven = [f"rollers.{r.name}.surface_speed" for r in scene.rollers if r.drive == "speed"]
     stages = held_along(scene.threading, scene.edges, tuple(preview.stages))
     for (stage, held), plan in zip(stages, preview.plans, strict=True):
-        moving = plan.in_time and not (plan.fed or assembly.closed)
-        rubs = moving and not held and assembly.rubs(stage)
-        ways = [0.0]
-        for key in driven if rubs else ():
-            ways.append(length_of_way(*(float(plan.controls.at(c)[key]) for c in (0.0, 1.0))))
-        if moving and held:
-            speeds = [plan.moving(c)[plan.model.value_unknowns] for c in (0.0, 1.0)]
-            ways += [float(max(map(length_of_way, *speeds)))]
-        yield max(ways) * plan.duration
-
-
-def length_of_way(begin: float, end: float) -> float:
-    """Return the mean of |v| over a stage in which v changes linearly.
-
-    Examples
-    --------
-    >>> length_of_way(0.0, 1.0), length_of_way(1.0, -1.0)
-    (0.5, 0.5)
-    """
-    whole = abs(begin) + abs(end)
-    return 0.5 * whole if begin * end >= 0.0 else 0.5 * (begin**2 + end**2) / whole
+        stay = plan.fed or assembly.closed or not (plan.in_time and (held or assembly.rubs(stage)))
+        speeds = np.zeros((2, 1))
+        if held and not stay:
+            speeds = np.array([plan.moving(c)[plan.model.value_unknowns] for c in (0.0, 1.0)])
+        elif driven and not stay:
+            given = (plan.controls.at(c) for c in (0.0, 1.0))
+            speeds = np.array([[float(values[key]) for key in driven] for values in given])
+        total, least = np.abs(speeds).sum(axis=0), np.finfo(float).tiny
+        turning = 0.5 * np.square(speeds).sum(axis=0) / np.maximum(total, least)
+        mean = np.where(speeds[0] * speeds[1] < 0.0, turning, 0.5 * total)
+        yield float(mean.max()) * plan.duration
 
 
 def many_tangents(preview: Preview) -> Iterator[str]:
@@ -1052,12 +1045,12 @@ def many_tangents(preview: Preview) -> Iterator[str]:
     cures, steady = list[str](), ""
     if dearest.laid >= max(dearest.along.values()):
         cures = [f"contact.onset={SOFTER * assembly.signorini.width:.2g}"]
-        cures += [f"friction.speed={SOFTER * friction.speed:.2g}"] if friction is not None else []
+        cures += [f"friction.speed={SOFTER * friction.speed:.2g}"] if friction else []
     elif not assembly.scene.strip.feed and is_fed_by_default(assembly.scene):
         cures = ["strip.feed=true"]
     else:
         steady = " A stationary state, steady = true, takes some tens."
-        if friction is not None and dearest.ripple > SOFTER * friction.speed:
+        if friction and dearest.ripple > SOFTER * friction.speed:
             cures = [f"friction.speed={min(dearest.ripple, SOFTER * slip_speed(preview)):.1g}"]
     told = f" Try --set {' --set '.join(cures)}" if cures else ""
     yield (
