@@ -108,7 +108,7 @@ are told."""
 TANGENTS_PER_PASSAGE = 5.0, 1.5
 """Tangents for each contact point that passes a roller in time, and on a rate-free path; those of
 several rollers add up as squares do, since one step serves all.  Of 28 sections on one to five
-rollers, elastic or not, the estimate is 0.5 to 2 times what they take, but 3 at V_c = 3e-8 m/s."""
+rollers, elastic or not, the estimate is 0.6 to 2 times what they take, but 4 at V_c = 3e-8 m/s."""
 
 SOFTER = 10.0
 """Ratio of the softer laws that are proposed where wraps grow: a dancer of 0.1 m that moves by
