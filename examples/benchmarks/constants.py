@@ -50,7 +50,7 @@ ELSEWHERE = {
         "LARGEST_COEFFICIENT",
         "DENOMINATOR_DAMPING",
     ),
-    "speed alone": ("BLOCK_ROWS",),
+    "speed alone": ("BLOCK_ROWS", "PREDICTED_LOOKS"),
     "paths without time": (
         *(
             "LARGEST_PATH_IMBALANCE",

@@ -804,7 +804,7 @@ def test_what_a_last_state_shows_is_cured(
 # all of them -------------------------------------------------------------------------------------
 
 ELSEWHERE = {
-    "growing_wraps": "test_forewarnings.py",
+    "many_tangents": "test_forewarnings.py",
     "smaller_torques": "words of beyond_capacity",
     "pulled_off": "words of untouched_roller",
     "rates_of_labels": "of a user's own effects, in test_own_effects.py",

@@ -53,6 +53,14 @@ def bridle(**strip: Any) -> dict[str, Any]:
     }
 
 
+@pytest.mark.parametrize(("elements", "told"), [(0.1, False), (0.01, True)])
+def test_estimates_of_errors_that_take_long_are_told(elements: float, told: bool) -> None:
+    """On a finer mesh, in seconds; on a coarse one nothing is said."""
+    said = explain(Scene.from_tables(bridle(kinematics="shell", refined=elements), "line.toml"))
+    words = r"To estimate the errors by the\s+mesh, on elements of half the length,\s+takes"
+    assert bool(re.search(words, said)) == told
+
+
 def levels_of(scene: Scene) -> dict[str, Level]:
     found = levels(Preview.of(Assembly(scene)))
     return {level.kinematics.name: level for level in found}

@@ -190,6 +190,9 @@ def test_progress_tells_how_far_a_run_is(tmp_path: Path, monkeypatch: pytest.Mon
     taken = 1e3 * (clock() - begun)
     others = "Warning: ", "estimating the errors by the mesh"
     lines = [line for line in results.progress.splitlines() if not line.startswith(others)]
+    assert re.search(
+        r"estimating the errors by the mesh, .* unknowns, about \d+ s\n", results.progress
+    )
     assert len(lines) > 20
     rows = {f"{t:.4g}": row for row, t in enumerate(results.history["time"])}
     gone = []

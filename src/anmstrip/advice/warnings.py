@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -24,6 +24,7 @@ from anmstrip.results.plastic import MeanFlow
 from anmstrip.results.rollers import RUNNING_SLIP, ContactState
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import COLUMN_FACTORS
+from anmstrip.scene.checks import held_along
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, THREADING, FieldSpec
 from anmstrip.simulation.defaults import (
@@ -33,6 +34,7 @@ from anmstrip.simulation.defaults import (
     fastest,
     first_yield,
     held_ends,
+    is_fed_by_default,
     largest_force,
     pulled_nowhere,
     stage_speeds,
@@ -99,13 +101,21 @@ balance."""
 SMALL_STRETCH = 0.02
 """Share of what carries a plate by which its sag may stretch it between held ends, unseen."""
 
-MANY_LANDINGS = 150.0
-"""Elements that come to lie on rollers in a stage, from which on their number is told: 29 of an
-accumulator take 39 tangents, 238 and 391 of a dancer 460 and 2271."""
+MANY_TANGENTS = 300.0
+"""Tangents of contact points that come to lie on rollers one after the other, from which on they
+are told."""
+
+TANGENTS_PER_PASSAGE = 5.0, 1.5
+"""Tangents for each contact point that passes a roller in time, and on a rate-free path; those of
+several rollers add up as squares do, since one step serves all.  Of 28 sections on one to five
+rollers, elastic or not, the estimate is 0.6 to 2 times what they take, but 4 at V_c = 3e-8 m/s."""
 
 SOFTER = 10.0
-"""Ratio of the softer laws that are proposed then: a dancer of 0.1 m that moves by 0.6 m takes 647
-tangents, not 2271, by half of that 131, not 460; loads on rollers change by about the tolerance."""
+"""Ratio of the softer laws that are proposed where wraps grow: a dancer of 0.1 m that moves by
+0.6 m takes 647 tangents, not 2271; loads on rollers change by about the tolerance."""
+
+LAYER_COST = 0.2
+"""Time that a layer of strip that yields adds to a tangent, over that of elastic strip."""
 
 FRICTION_DIFFERENCE = 0.1
 """Share by which a friction coefficient may act as another one than was typed, unsaid."""
@@ -844,11 +854,21 @@ def priced(key: str, unknowns: int) -> str:
     there = memory_of_machine() / 1e9
     if memory > there:
         return f"Shorter ones do not fit into the {there:.0f} GB of this machine."
-    time = f"{seconds:.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} minutes"
     return (
         f"{key} makes them so short, but with {unknowns} unknowns, for which `anmstrip explain` "
-        f"alone takes about {memory:.0f} GB and {time}."
+        f"alone takes about {memory:.0f} GB and {time_words(seconds)}."
     )
+
+
+def time_words(seconds: float) -> str:
+    """Return a time in seconds, or in minutes where it is long.
+
+    Examples
+    --------
+    >>> time_words(0.2), time_words(40.0), time_words(600.0)
+    ('1 s', '40 s', '10 minutes')
+    """
+    return f"{max(seconds, 1.0):.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} minutes"
 
 
 def strict_tolerance(preview: Preview) -> Iterator[str]:
@@ -942,30 +962,102 @@ LARGE_SHELL, LARGE_YIELDING_SHELL = 5000, 1000
 over a roller takes 52 tangents of 2 s; its section takes 10 s in all."""
 
 
-def growing_wraps(preview: Preview) -> Iterator[str]:
-    """Yield the first stage in which rollers move so that many elements come to lie on them."""
+@dataclass(frozen=True)
+class Passages:
+    """Contact points that come to lie on rollers in a stage, and what they cost."""
+
+    plan: StageProblem
+    along: Mapping[str, float]  # strip (m) that passes each roller
+    laid: float  # strip (m) by which wraps grow
+    pitch: float  # of the contact points (m)
+    ripple: float  # slip (m/s) of points when one of them passes
+    tangents: float
+
+    @property
+    def words(self) -> str:
+        """Return what happens, where, and how often."""
+        most = max(self.along.values())
+        names = ", ".join(name for name, way in self.along.items() if way > 0.1 * most)
+        way, does = (most, "pass") if self.laid < most else (self.laid, "come to lie on")
+        happens = f"{way:.2g} m of strip {does} {names}, {way / self.pitch:.0f} contact points"
+        return f"in stage {self.plan.name} {happens}"
+
+
+def contact_passages(preview: Preview) -> Iterator[Passages]:
+    """Yield what every stage lays on rollers, where elements are what contact resolves.
+
+    Where a point of pitch p comes to lie on a roller, the strip that passes it at a speed v is a
+    chord before and an arc thereafter: points slip to and fro by v (p/r)²/12, and turn round the
+    corners of friction where that is more than V_c.
+    """
     assembly, contact = preview.assembly, preview.assembly.scene.contact
-    if contact is None or contact.onset is not None or contact.constants or contact.law:
+    typed = contact is None or contact.onset or contact.constants or contact.law  # softer, or known
+    pitch = float(assembly.strip.cell_sizes[0].min()) / (2 * assembly.strip.contact_parts)
+    names, before = [roller.name for roller in assembly.rollers], None
+    radii = np.array([roller.radius for roller in assembly.rollers], dtype=float)
+    for (_, plan, after), way in zip(preview, label_travel(preview), strict=True):
+        turns = np.array([after.turns.get(name, 0.0) for name in names])
+        past = turns if typed or before is None else before
+        before, laid = turns, np.maximum(radii * (turns - past), 0.0)
+        along = way * (np.maximum(turns, past) > 0.0) + 0.5 * laid
+        slip = along / plan.duration * (pitch / radii) ** 2 / 12.0
+        speed = plan.friction.law_of_slip.speed if plan.in_time and plan.friction else np.inf
+        count = np.sqrt(np.square(along / pitch) @ (1.0 + slip / speed))
+        cost = TANGENTS_PER_PASSAGE[0 if plan.in_time else 1] * float(count)
+        each = dict(zip(names, along.tolist(), strict=True))
+        yield Passages(plan, each, float(laid.sum()), pitch, float(slip.max()), cost)
+
+
+def label_travel(preview: Preview) -> Iterator[float]:
+    """Yield how far (m) the points of the strip go in every stage: nowhere but in time.
+
+    As an end that is held, else as the fastest roller of a given speed; strip that is fed, and that
+    of a closed line, passes points that stay.  Speeds are linear in a stage, and may turn round.
+    """
+    assembly, scene = preview.assembly, preview.assembly.scene
+    driven = [f"rollers.{r.name}.surface_speed" for r in scene.rollers if r.drive == "speed"]
+    stages = held_along(scene.threading, scene.edges, tuple(preview.stages))
+    for (stage, held), plan in zip(stages, preview.plans, strict=True):
+        stay = plan.fed or assembly.closed or not (plan.in_time and (held or assembly.rubs(stage)))
+        speeds = np.zeros((2, 1))
+        if held and not stay:
+            speeds = np.array([plan.moving(c)[plan.model.value_unknowns] for c in (0.0, 1.0)])
+        elif driven and not stay:
+            given = (plan.controls.at(c) for c in (0.0, 1.0))
+            speeds = np.array([[float(values[key]) for key in driven] for values in given])
+        total, least = np.abs(speeds).sum(axis=0), np.finfo(float).tiny
+        turning = 0.5 * np.square(speeds).sum(axis=0) / np.maximum(total, least)
+        mean = np.where(speeds[0] * speeds[1] < 0.0, turning, 0.5 * total)
+        yield float(mean.max()) * plan.duration
+
+
+def many_tangents(preview: Preview) -> Iterator[str]:
+    """Yield what the stages take in which many contact points come to lie on rollers."""
+    assembly, touches = preview.assembly, preview.assembly.scene.contact is not None
+    found = [*contact_passages(preview)] if touches and assembly.rollers else []
+    total = sum(passages.tangents for passages in found)
+    if total < MANY_TANGENTS:
         return
-    radii = {roller.name: float(roller.radius) for roller in assembly.rollers}
-    for (*_, before), (_, plan, after) in pairwise(preview):
-        more = {name: turn - before.turns.get(name, 0.0) for name, turn in after.turns.items()}
-        laid = {name: radii[name] * turn for name, turn in more.items()}
-        length = sum(grown for grown in laid.values() if grown > 0.0)
-        count = length / float(assembly.strip.cell_sizes[0].min())
-        if count < MANY_LANDINGS:
-            continue
-        names = ", ".join(name for name, grown in laid.items() if grown > 0.1 * length)
-        each, keys = "about one tangent", [f"contact.onset={SOFTER * assembly.signorini.width:.2g}"]
-        if plan.in_time and (friction := assembly.friction) is not None:
-            each = "one to six tangents"
-            keys.append(f"friction.speed={SOFTER * friction.speed:.2g}")
-        yield (
-            f"in stage {plan.name} {length:.2g} m of strip come to lie on {names}, {count:.0f} "
-            f"elements one after the other, each of which takes {each}. Softer laws take fewer, "
-            f"and the run estimates what they cost. Try --set {' --set '.join(keys)}"
-        )
-        return
+    dearest = max(found, key=lambda passages: passages.tangents)
+    friction = assembly.friction if dearest.plan.in_time else None
+    each = size_of(assembly, assembly.kinematics).seconds(assembly.order)
+    if (layers := assembly.plastic_strains(grow=True)) is not None:
+        each *= 1.0 + LAYER_COST * len(layers.operator.layers.heights)
+    cures, steady = list[str](), ""
+    if dearest.laid >= max(dearest.along.values()):
+        cures = [f"contact.onset={SOFTER * assembly.signorini.width:.2g}"]
+        cures += [f"friction.speed={SOFTER * friction.speed:.2g}"] if friction else []
+    elif not assembly.scene.strip.feed and is_fed_by_default(assembly.scene):
+        cures = ["strip.feed=true"]
+    else:
+        steady = " A stationary state, steady = true, takes some tens."
+        if friction and dearest.ripple > SOFTER * friction.speed:
+            cures = [f"friction.speed={min(dearest.ripple, SOFTER * slip_speed(preview)):.1g}"]
+    told = f" Try --set {' --set '.join(cures)}" if cures else ""
+    yield (
+        f"{dearest.words} one after the other: the run takes about {round(total, -2):.0f} "
+        f"tangents, {time_words(total * each)}.{steady}{told}"
+    )
 
 
 def rates_of_labels(preview: Preview) -> Iterator[str]:
@@ -1031,7 +1123,7 @@ SERIOUS_RULES = (
     strict_tolerance,
 )  # fmt: skip
 OTHER_RULES = (
-    free_motions, coarse_mesh, coarse_hinges, late_yield, slipping_friction, growing_wraps,
+    free_motions, coarse_mesh, coarse_hinges, late_yield, slipping_friction, many_tangents,
     rates_of_labels, needless_shell, unseen_facts, pulled_twice, keeps_its_load,
     *physics.PHYSICS_RULES,
 )  # fmt: skip

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.sparse.linalg import ArpackError
 
+from anmstrip.advice.warnings import time_words
 from anmstrip.arrays import Array, Index
 from anmstrip.continuation.follow import PathStep, Settings, follow
 from anmstrip.continuation.newton import (
@@ -282,7 +283,8 @@ class Budget:
             self.parts["regularisation"] = None  # a nip presses as its law makes of its gap
         if self.halved is not None and (state.plan.steady or self.assembly.flow is None):
             told = "estimating the errors by the mesh, on elements of half the length, %d unknowns"
-            logging.getLogger(__name__).info(told, self.halved.unknowns)
+            given = self.halved.unknowns, time_words(self.assembly.estimate_seconds)
+            logging.getLogger(__name__).info(told + ", about %s", *given)
             try:
                 self.look_finer(self.halved, exact, released)
             except MemoryError:  # what is solved stays; nothing is known of the mesh

@@ -19,6 +19,7 @@ from anmstrip.advice.warnings import (
     justified_level,
     levels,
     slides,
+    time_words,
     touched_drives,
     warnings,
 )
@@ -52,6 +53,9 @@ SPEED_WORDS = ("speed", "passing")
 
 DISPLAYED_ZERO = 1e-12
 """Number of a table below which it is round-off, whatever its unit."""
+
+LONG_ESTIMATE = 3.0
+"""Time (s) from which on that of an estimate of errors is told."""
 
 POINTS_PER_PIECE = 400
 """Of each run and each wrap of a drawn strip."""
@@ -130,6 +134,9 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
         f"and {scales.membrane:g} N/m (membrane forces); tolerance {scene.solver.tolerance:g}, "
         f"order {assembly.order}{', the cheapest' if scene.solver.order is None else ''}."
     )
+    if assembly.can_halve and (seconds := assembly.estimate_seconds) > LONG_ESTIMATE:
+        told = f"on elements of half the length, takes about {time_words(seconds)} each time"
+        yield f"To estimate the errors by the mesh, {told}."
     if lighter := lighter_stages(assembly):
         yield f"Before larger forces act, relative to {lighter}."
     yield from unusual(scene)
