@@ -1103,7 +1103,7 @@ def needless_shell(preview: Preview) -> Iterator[str]:
 
 
 def unseen_facts(preview: Preview) -> Iterator[str]:
-    """What the chosen level of kinematics leaves out of a scene that it can solve."""
+    """Yield what the chosen level of kinematics leaves out of a scene that it can solve."""
     found, own = levels(preview), preview.assembly.kinematics
     (against,) = (level.against for level in found if level.kinematics is own)
     if against:

@@ -29,7 +29,7 @@ from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffe
 from anmstrip.results.files import error_rows
 from anmstrip.scene.checks import held_along, moved_ends
 from anmstrip.scene.schema import SceneSpec, StageSpec
-from anmstrip.scene.tables import ENDS, FieldSpec
+from anmstrip.scene.tables import EDGE_NAMES, ENDS, FieldSpec
 from anmstrip.simulation import defaults
 from anmstrip.simulation.problem import Assembly, flat_gap, naturals
 from anmstrip.taylor.series import record
@@ -43,7 +43,8 @@ MEGABYTE = 2.0**20
 
 INTERNAL_CONTROLS = {
     *("strip.held", "strip.growth", "strip.softening", "strip.weakening"),
-    *(f"{end}.{kind}" for end in ENDS for kind in ("unevenness", "uneven_force", "slack")),
+    *(f"{end}.{kind}" for end in ENDS for kind in ("unevenness", "slack")),
+    *(f"{edge}.uneven_force" for edge in EDGE_NAMES),
     "yielding",
 }
 """Controls that follow from others, and are typed by nobody."""

@@ -42,7 +42,7 @@ class UnevenForce(LoadEffect):
 
 
 def uneven_edge_force(strip: Strip, name: str) -> UnevenForce:
-    """What has held an edge that is let go, beyond its mean per length."""
+    """Return the force that has held an edge that is let go, beyond its mean per length."""
     control, nothing = f"{name}.uneven_force", np.zeros(strip.unknowns)
     return UnevenForce(f"uneven force on {name}", control, nothing, strip.kinematics)
 

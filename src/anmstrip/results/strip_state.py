@@ -209,7 +209,7 @@ class StripState:
         return strip.kinematics.embed(values) + given
 
     def uneven_reaction(self, name: str) -> dict[str, Array]:
-        """What holds an edge of a shell beyond an even force, control ``NAME.uneven_force`` (N).
+        """Return what holds an edge of a shell beyond an even force, as ``NAME.uneven_force`` (N).
 
         Nothing as a whole, but a moment in the plane of strip that is out of line.
         """

@@ -454,7 +454,7 @@ def boundary_layer(scene: SceneSpec) -> float:
 
 
 class EdgeCurl(NamedTuple):
-    """What lifts off a cylinder beside a free edge of strip that is bent onto it."""
+    """Strip that lifts off a cylinder beside a free edge."""
 
     width: float  # m
     lift: float  # m, of the edge

@@ -115,6 +115,10 @@ second is about to slide) and by 3 % with 0.45."""
 CURL_ARC = 4.0
 """Length of an arc, over the width on which edges curl, from which on they do so in full."""
 
+CURL_WIDTH = 5.0
+"""The same of the strip: of one 4.4 times as wide as an edge that curls all curls, and the tension
+between two bridle rolls is that before them to 0.2 %."""
+
 CURL_LINES = 0.8, 2.0
 """Distances from a free edge of lines of nodes, over the width on which it curls."""
 
@@ -245,14 +249,20 @@ class Layout:
     @property
     def lines_across(self) -> Array:
         """Lines of nodes along (y / width), closer beside edges that curl, see :attr:`curled`."""
-        spec, widest = self.scene.strip, max((c.width for c, _ in self.curled.values()), default=0)
-        if spec.cells is not None or not widest:
+        spec = self.scene.strip
+        shares = [curl.width / (spec.width or 1.0) for curl, _ in self.curled.values()]
+        if spec.cells is not None or not shares:
             return lines_across(self.scene)
-        assert spec.width is not None
-        return lines_across(self.scene, [at * widest / spec.width for at in CURL_LINES])
+        return lines_across(self.scene, [at * max(shares) for at in CURL_LINES])
+
+    @property
+    def curled(self) -> dict[str, tuple[EdgeCurl, float]]:
+        """Those of :attr:`curling` on which not all of the strip curls."""
+        width, found = self.scene.strip.width or 0.0, self.curling.items()
+        return {name: each for name, each in found if CURL_WIDTH * each[0].width < width}
 
     @cached_property
-    def curled(self) -> dict[str, tuple[EdgeCurl, float]]:
+    def curling(self) -> dict[str, tuple[EdgeCurl, float]]:
         """Rollers of one drive that free edges curl off, and the friction (N) on each of them.
 
         What stretches these edges friction has to bring up where strip comes on, and to take back
@@ -270,7 +280,7 @@ class Layout:
                 continue
             curl = edge_curl(scene, roller.radius)
             friction = coefficient_on(scene, spec) * largest_force(scene) * turn * width
-            full = min(roller.radius * turn / CURL_ARC, 0.4 * width / CURL_LINES[-1]) > curl.width
+            full = roller.radius * turn > CURL_ARC * curl.width
             if full and 2.0 * curl.force > CURL_SHARE * friction > 0.0:
                 found[roller.name] = curl, friction
         return found

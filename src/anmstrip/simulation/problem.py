@@ -165,7 +165,7 @@ ONSET_STRETCH = 0.01
 
 CURL_ONSET = 0.02
 """Onset of contact over the lift of edges that curl off rollers of one drive.  With 0.1 the tension
-between two bridle rolls is 0.8 % lower than with 0.005, with 0.02 0.1 %."""
+between two bridle rolls is 1 % lower than with 0.02, with 0.005 0.3 %."""
 
 AIR_DRAG = 1e-14
 """Drag on a free roller at V_c, over the force scale: at the speed of a line, which is some 1e5
@@ -693,7 +693,7 @@ class Assembly:
         tangents.  Where only weight or pressure presses, q, the strip floats w log(p₀/q) high,
         which must be a small share of its thickness.  Where tension varies across, by rollers, heat
         or flatness, a gap stretches fibres by its share of the radius, which must not be seen
-        beside T/(E t), nor beside the lift of edges that curl, see ``Layout.curled``.  A belt is as
+        beside T/(E t), nor beside the lift of edges that curl, see ``Layout.curling``.  A belt is as
         long as on its rollers if that pressure is by the mean of log(r) over its wraps.
         """
         c = self.scene.contact
@@ -735,7 +735,7 @@ class Assembly:
         if tension and self.kinematics.count == 3 and fibres_differ(self.scene):
             stretch = tension / (self.material.young * thickness)
             onset = min(onset, ONSET_STRETCH * stretch * radius * self._spread())
-        lifts = [curl.lift for curl, _ in self.layout.curled.values()]
+        lifts = [curl.lift for curl, _ in self.layout.curling.values()]
         if self.kinematics.count == 3:
             onset = min([onset, *(CURL_ONSET * lift for lift in lifts)])
         return GradedSignorini(pressure, c.onset or onset)
