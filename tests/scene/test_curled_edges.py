@@ -101,6 +101,21 @@ def test_a_section_and_a_coarse_shell_do_not_pass_unseen() -> None:
     assert len(finer) == 2 * len(across) - 1
 
 
+def test_what_a_section_leaves_out_at_edges_is_told() -> None:
+    """Edges curl up by 0.0908 t and are stretched by that over r; 2 F over the width bounds T."""
+    thickness = 1e-3
+    lift = POISSON * thickness / (2.0 * np.sqrt(3.0 * (1.0 - POISSON**2)))
+    pulled = YOUNG * thickness * lift / RADIUS
+    beta = (3.0 * (1.0 - POISSON**2)) ** 0.25 / np.sqrt(RADIUS * thickness)
+    most = 2.0 * pulled / (np.cosh(np.pi / 2.0) * beta) / WIDTH
+    text = " ".join(explain(bridle(thickness=thickness, kinematics="section")).split())
+    edges = f"curled up by {lift:.2g} m over {np.pi / 2.0 / beta:.2g} m, pulled by {pulled:.2g} N/m"
+    between = f"changes tensions between driven rollers by up to {most:.2g} N/m"
+    assert f"anticlastic edges ({edges}; that {between}), contraction" in text
+    flat = explain(bridle(thickness=thickness, kinematics="section", bending=False))
+    assert "anticlastic edges, contraction" in " ".join(flat.split())
+
+
 @pytest.mark.parametrize("change", [
     {"strip": {"thickness": 1e-3}},  # which takes 160 N
     {"strip": {"width": 0.2}},  # all of which curls

@@ -30,6 +30,7 @@ from anmstrip.scene.tables import ENDS, THREADING, FieldSpec
 from anmstrip.simulation.defaults import (
     bending_stiffness,
     boundary_layer,
+    edge_curl,
     elastic_creep,
     fastest,
     first_yield,
@@ -41,6 +42,7 @@ from anmstrip.simulation.defaults import (
 )
 from anmstrip.simulation.meshing import (
     BYTES_PER_UNKNOWN,
+    CURL_ARC,
     LAYER_SHARE,
     MAX_ELEMENTS,
     contact_stands,
@@ -1195,10 +1197,8 @@ class Level:
 def levels(preview: Preview) -> list[Level]:
     """Return the three levels, the cheapest first."""
     assembly, slope = preview.assembly, preview.steepest.slope
-    own, edges = size_of(assembly, assembly.kinematics).seconds(assembly.order), ""
-    if assembly.rollers and assembly.scene.strip.bending:
-        width = np.sqrt(min(r.radius for r in assembly.rollers) * assembly.strip.thickness)
-        edges = f" (about √(r t) = {width:.2g} m wide)"
+    own = size_of(assembly, assembly.kinematics).seconds(assembly.order)
+    edges = curl_words(preview)
     told = {
         "section": (
             tuple(against_section(preview)),
@@ -1220,6 +1220,24 @@ def levels(preview: Preview) -> list[Level]:
             cost = size.seconds(assembly.order) / own
         found.append(Level(level, size, cost, against, lost))
     return found
+
+
+def curl_words(preview: Preview) -> str:
+    """Say how free edges curl off the smallest roller that strip is bent on, if any."""
+    assembly, radii = preview.assembly, list[float]()
+    scene, strip = assembly.scene, assembly.strip
+    for roller in assembly.rollers if scene.strip.bending else ():
+        if roller.radius * preview.turn(roller) > CURL_ARC * edge_curl(scene, roller.radius).width:
+            radii.append(roller.radius)
+    if not radii or not scene.material.poisson:
+        return ""
+    curl = edge_curl(scene, min(radii))
+    stretched = strip.tensile_stiffness * curl.lift / min(radii)
+    words = f"curled up by {curl.lift:.2g} m over {curl.width:.2g} m, pulled by {stretched:.2g} N/m"
+    if sum(spec.drive == "speed" for spec in scene.rollers) > 1:
+        most = 2.0 * curl.force / strip.width
+        words += f"; that changes tensions between driven rollers by up to {most:.2g} N/m"
+    return f" ({words})"
 
 
 def justified_level(found: Sequence[Level]) -> Level:

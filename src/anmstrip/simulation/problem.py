@@ -693,8 +693,8 @@ class Assembly:
         tangents.  Where only weight or pressure presses, q, the strip floats w log(p₀/q) high,
         which must be a small share of its thickness.  Where tension varies across, by rollers, heat
         or flatness, a gap stretches fibres by its share of the radius, which must not be seen
-        beside T/(E t), nor beside the lift of edges that curl, see ``Layout.curling``.  A belt is as
-        long as on its rollers if that pressure is by the mean of log(r) over its wraps.
+        beside T/(E t), nor beside the lift of edges that curl, see ``Layout.curling``.  A belt is
+        as long as on its rollers if that pressure is by the mean of log(r) over its wraps.
         """
         c = self.scene.contact
         assert c is not None
