@@ -1494,9 +1494,9 @@ LED: dict[str, Any] = {  # over one roller, as strip of finite length
     ],
 }  # fmt: skip
 COSTLY = [
-    (DANCER, "in stage fall 0.24 m of strip come to lie on a, b, c, 476 contact points"),
-    (leveller(3), "in stage start 0.01 m of strip pass r0, r1, r2, 5 contact points"),
-    (LED, "in stage start 0.25 m of strip pass r, 66 contact points"),
+    (DANCER, "in stage fall 0.24 m of strip comes to lie on a, b, c, 476 contact points"),
+    (leveller(3), "in stage start 0.01 m of strip passes r0, r1, r2, 5 contact points"),
+    (LED, "in stage start 0.25 m of strip passes r, 66 contact points"),
 ]
 """Scenes that take hundreds of tangents, and where."""
 

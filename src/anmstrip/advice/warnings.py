@@ -980,7 +980,7 @@ class Passages:
         """Return what happens, where, and how often."""
         most = max(self.along.values())
         names = ", ".join(name for name, way in self.along.items() if way > 0.1 * most)
-        way, does = (most, "pass") if self.laid < most else (self.laid, "come to lie on")
+        way, does = (most, "passes") if self.laid < most else (self.laid, "comes to lie on")
         happens = f"{way:.2g} m of strip {does} {names}, {way / self.pitch:.0f} contact points"
         return f"in stage {self.plan.name} {happens}"
 
