@@ -60,6 +60,8 @@ def test_edge_load_is_the_integral_of_its_cubic_trace(strip, name, power):
     u[strip.basis.nodal_dofs[2 - axis]] = power * s ** max(power - 1, 0)
     exact = (along[-1] ** (power + 1) - along[0] ** (power + 1)) / (power + 1)
     assert edge.load @ u == pytest.approx(exact, abs=1e-14)
+    square = (along[-1] ** (2 * power + 1) - along[0] ** (2 * power + 1)) / (2 * power + 1)
+    assert u[edge.trace] @ edge.mass @ u[edge.trace] == pytest.approx(square, abs=1e-14)
     touched = np.flatnonzero(edge.load)
     assert set(touched) <= {*edge.values, *edge.trace[len(edge.nodes) :]}
     assert edge.load[edge.values].sum() == pytest.approx(edge.length)

@@ -648,6 +648,10 @@ class Halved(Assembly):
                 break
             before = after
         values |= {key: values[key] + more[key] for key in more}
+        for key in (key for key in values if key.endswith(".uneven_force")):
+            field = np.zeros_like(state.full)
+            field[: self.coarse.strip.unknowns] = values[key]
+            values[key] = self.prolonged(field)[: self.strip.unknowns]
         course = Course(self, released=set(released))
         course.values = {**values, **course.values}
         values |= course.growing(values) | course.uneven_pull(stage, values)

@@ -279,7 +279,7 @@ class Partials:
             if isinstance(effect, FollowerLoad):
                 x = effect.operator.apply(self.tangent.state.full)
                 yield effect.control, {name: np.asarray(effect.unit_law(x, controls))}
-            elif isinstance(effect, LoadEffect):
+            elif type(effect) is LoadEffect:
                 given = controls[effect.control]
                 if (size := float(np.linalg.norm(given))) > 0.0:
                     unit = {effect.control: given / size}

@@ -56,6 +56,19 @@ class Edge:
         return self._integrals[1]
 
     @cached_property
+    def mass(self) -> Array:
+        """∫ φ_i φ_j ds of its ``trace``, by which forces per length make forces."""
+        strip = self.strip
+        basis = FacetBasis(strip.mesh, strip.basis.elem, facets=self.facets, intorder=8)
+        weights, places = strip.weights(basis), np.full(strip.scalars, -1)
+        places[self.trace] = np.arange(len(self.trace))
+        found = np.zeros((len(self.trace) + 1,) * 2)  # the last row and column are of the others
+        for rows, (one,) in zip(places[basis.element_dofs], basis.basis, strict=True):
+            for columns, (two,) in zip(places[basis.element_dofs], basis.basis, strict=True):
+                np.add.at(found, (rows, columns), (np.asarray(one) * two * weights).sum(axis=1))
+        return found[:-1, :-1]
+
+    @cached_property
     def _integrals(self) -> tuple[Array, float]:
         strip = self.strip
         load = np.zeros(strip.scalars)

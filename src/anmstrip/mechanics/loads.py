@@ -12,7 +12,7 @@ from anmstrip.arrays import Array
 from anmstrip.fem.geometry import PLATE, dot, normal_vector, normal_work
 from anmstrip.fem.operators import CellOperator
 from anmstrip.fem.sampling import ContactOperator
-from anmstrip.fem.strip import Strip
+from anmstrip.fem.strip import Edge, Strip
 from anmstrip.mechanics.effects import LawEffect, LoadEffect, Operator, Values
 
 SLACK_POWER = 4
@@ -34,17 +34,26 @@ def edge_force(strip: Strip, name: str) -> LoadEffect:
 
 @dataclass(frozen=True)
 class UnevenForce(LoadEffect):
-    """Dead forces on the unknowns of an edge (N), control ``NAME.uneven_force`` (unknowns,)."""
+    """Dead force per length of an edge that varies along it, control ``NAME.uneven_force``.
+
+    That is a field (N/m) on the unknowns, of which those that hold the edge count, (unknowns,).
+    """
+
+    edge: Edge
 
     def force(self, full: Array, velocity: Array | None, controls: Values) -> Array:
-        """Return minus the control; none without it."""
-        return -controls.get(self.control, self.load)
+        """Return minus the work of the control on all unknowns; none without it."""
+        strip, trace = self.edge.strip, self.edge.trace
+        force = np.zeros((strip.scalars, strip.count))
+        if (given := controls.get(self.control)) is not None:
+            force[trace] = -self.edge.mass @ strip.nodal(given)[trace]
+        return force.ravel()
 
 
 def uneven_edge_force(strip: Strip, name: str) -> UnevenForce:
     """Return the force that has held an edge that is let go, beyond its mean per length."""
-    control, nothing = f"{name}.uneven_force", np.zeros(strip.unknowns)
-    return UnevenForce(f"uneven force on {name}", control, nothing, strip.kinematics)
+    edge, control = strip.edges[name], f"{name}.uneven_force"
+    return UnevenForce(f"uneven force on {name}", control, edge.load, strip.kinematics, edge)
 
 
 def weight(strip: Strip) -> LoadEffect:

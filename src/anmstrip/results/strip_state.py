@@ -209,16 +209,18 @@ class StripState:
         return strip.kinematics.embed(values) + given
 
     def uneven_reaction(self, name: str) -> dict[str, Array]:
-        """Return what holds an edge of a shell beyond an even force, as ``NAME.uneven_force`` (N).
+        """Return what holds an edge of a shell beyond an even force, ``NAME.uneven_force`` (N/m).
 
         Nothing as a whole, but a moment in the plane of strip that is out of line.
         """
         strip = self.plan.model.strip
         edge, forces = strip.edges[name], strip.nodal(self.imbalance)
-        uneven = np.zeros_like(forces)
-        even = np.outer(edge.load, forces[edge.values].sum(axis=0) / edge.length)
-        uneven[edge.trace] = (forces - even)[edge.trace]
-        return {f"{name}.uneven_force": uneven.ravel()} if strip.mesh.dim() == 2 else {}
+        if strip.mesh.dim() == 1:
+            return {}
+        even, field = forces[edge.values].sum(axis=0) / edge.length, np.zeros_like(forces)
+        field[edge.trace] = np.linalg.solve(edge.mass, forces[edge.trace])
+        field[edge.values] -= even
+        return {f"{name}.uneven_force": field.ravel()}
 
     def clamp_moments(self, names: Iterable[str]) -> dict[str, float]:
         """Mean moments at those of the clamped edges (N) that have not been let go."""
