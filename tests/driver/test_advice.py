@@ -804,6 +804,7 @@ def test_what_a_last_state_shows_is_cured(
 # all of them -------------------------------------------------------------------------------------
 
 ELSEWHERE = {
+    "curled_edges": "of sections that shells replace, in test_curled_edges.py",
     "many_tangents": "test_forewarnings.py",
     "smaller_torques": "words of beyond_capacity",
     "pulled_off": "words of untouched_roller",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,9 @@ import pyvista as pv
 from scipy.optimize import lsq_linear
 
 from anmstrip.advice.preview import Preview
-from anmstrip.advice.warnings import against_section, needless_shell, unseen_facts
+from anmstrip.advice.warnings import against_section, curled_edges, needless_shell, unseen_facts
 from anmstrip.driver.explain import explain
+from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.driver.sweep import run_scene
 from anmstrip.simulation.defaults import edge_curl
@@ -131,6 +133,29 @@ def test_what_does_not_curl_or_does_not_matter_is_meshed_as_before(change: dict[
     assembly = Assembly(Scene.model_validate(tables))
     assert not assembly.layout.curled
     assert len(np.unique(assembly.strip.nodes[1].round(9))) == 5
+
+
+@pytest.mark.parametrize(("pull", "scarce"), [(26e3, False), (29e3, True), (30e3, True)])
+def test_a_section_tells_where_friction_is_scarce(pull: float, scarce: bool) -> None:
+    """The second roll needs ln(T₂/T₁)/(f θ) of f N for the tension, and 3.4 kN for its edges."""
+    tables = copy.deepcopy(BRIDLE)
+    tables["strip"]["kinematics"] = "section"
+    tables["stages"][0]["exit"]["tension"] = pull
+    run = Run(Scene.model_validate(tables))
+    *_, last = run
+    found = list(curled_edges(last.state, run.scene))
+    if not scarce:
+        assert not found
+        return
+    roller = last.state.rollers["b2"]
+    most = 0.18 * roller.normal_force
+    turn = Preview.of(run.assembly).turn(run.assembly.rollers[1])
+    used = np.log(roller.tension_out / roller.tension_in) / (0.18 * turn)
+    (told,) = found
+    assert told.startswith("free edges curl up off b2, which takes 3395 N of friction")
+    left = float(re.findall(r"leaves (\d+) N", told)[0])
+    assert left == pytest.approx((1.0 - used) * most, rel=0.05)
+    assert f"up to {2.0 * 3395 / WIDTH:.2g} N/m off" in told
 
 
 @pytest.mark.slow

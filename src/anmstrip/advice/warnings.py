@@ -43,6 +43,7 @@ from anmstrip.simulation.defaults import (
 from anmstrip.simulation.meshing import (
     BYTES_PER_UNKNOWN,
     CURL_ARC,
+    CURL_WIDTH,
     LAYER_SHARE,
     MAX_ELEMENTS,
     contact_stands,
@@ -427,6 +428,39 @@ def held_across(state: State, scene: SceneSpec) -> Iterator[str]:
             "it may contract across. A section may not, and bears 2/√3 times as much. "
             "Try --set 'strip.kinematics=\"shell\"'"
         )
+
+
+CURLED_TENSION = 0.01
+"""Share of a tension that edges which curl may change, untold."""
+
+
+def curled_edges(state: State, scene: SceneSpec) -> Iterator[str]:
+    """Driven rollers of a section whose friction does not suffice for edges that curl as well.
+
+    Strip that slides all over a roller, faster than it creeps as they curl, has all of it anyway.
+    """
+    led = [spec for spec in scene.rollers if spec.drive == "speed" and spec.name in state.touched]
+    if scene.strip.kinematics != "section" or not scene.strip.bending or len(led) < 2:
+        return
+    strip = state.plan.model.strip
+    for spec in led:
+        contact, reading = state.touched[spec.name], state.rollers[spec.name]
+        curl = edge_curl(scene, spec.radius)
+        change = 2.0 * curl.force / strip.width
+        friction = (contact.coefficient or 0.0) * contact.normal_force
+        left = (1.0 - (reading.capacity_used or 0.0)) * friction
+        creep = abs(contact.surface_speed) * change / strip.tensile_stiffness
+        slip = np.linalg.norm(contact.slip[:, contact.touching], axis=0)
+        narrow = CURL_WIDTH * curl.width > strip.width
+        short = CURL_ARC * curl.width > reading.wrap * spec.radius
+        if narrow or short or not friction or slip.min() > creep or left > 2.0 * curl.force:
+            continue
+        if change > CURLED_TENSION * max(reading.tension_in or 0.0, reading.tension_out or 0.0):
+            yield (
+                f"free edges curl up off {spec.name}, which takes {2.0 * curl.force:.0f} N of "
+                f"friction, and the tension leaves {left:.0f} N of {friction:.0f} N: tensions are "
+                f"up to {change:.2g} N/m off. Try --set 'strip.kinematics=\"shell\"'"
+            )
 
 
 FLOW_ERROR = 0.03
@@ -1134,7 +1168,7 @@ RULES_OF_STAGES = buckled_section, unresolved_waves
 
 RULES_AT_END = (
     lifted_off, undriven, standing_idlers, unbalanced_idlers, spinning_rollers, overstretched,
-    held_across, *RULES_OF_STAGES,
+    held_across, curled_edges, *RULES_OF_STAGES,
 )  # fmt: skip
 
 
