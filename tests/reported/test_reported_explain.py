@@ -236,7 +236,10 @@ def test_what_a_plate_would_miss(said: dict[str, str]) -> None:
         f"slopes reach 30°, wrapping r1 by {np.degrees(BEFORE):.3g}°: the error, slope²/2, would "
         f"be {error:.0f} % (bound 5°)"
     ) in whole(said["TURNING"])
-    assert f"(about √(r t) = {np.sqrt(0.5 * T):.2g} m wide)" in whole(said["TURNING"])
+    lift = 0.3 * T / (2.0 * np.sqrt(3.0 * 0.91))  # of edges (Ashwell), over a quarter of a wave
+    width = 0.5 * np.pi * np.sqrt(0.5 * T) / (3.0 * 0.91) ** 0.25
+    curled = f"(curled up by {lift:.2g} m over {width:.2g} m, pulled by {2e11 * T * lift / 0.5:.2g}"
+    assert curled in whole(said["TURNING"])
     length, turns = threaded()
     assert length > 0.0
     assert f"wrapping front by {np.degrees(turns['front']):.2f}"[:-1] in whole(said["SHELL"])
