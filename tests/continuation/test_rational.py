@@ -7,7 +7,6 @@ import pytest
 from dense import DenseEquations, followed
 
 from anmstrip.continuation.expansion import (
-    PREDICTED_LOOKS,
     Parameter,
     as_quotient,
     coordinates,
@@ -83,21 +82,6 @@ def test_it_stops_before_a_pole():
     further, _ = longest_quotient(equations, branch, 1e-6, 50.0, Cost())
     assert further.length < 1.0
     assert not roots_within(further.denominator, further.length)
-
-
-def test_its_length_is_found_where_errors_lead_to(monkeypatch):
-    """The same as by bisection, by which it takes five residuals, after three in the mean."""
-    equations, tolerances = DenseEquations(resonant), 10.0 ** -np.arange(3.0, 11.0)
-    branch, lengths, residuals = expanded(equations, np.zeros(N), arclength=True), [], []
-    for looks in (PREDICTED_LOOKS, 0):
-        monkeypatch.setattr("anmstrip.continuation.expansion.PREDICTED_LOOKS", looks)
-        cost = Cost()
-        found = [longest_quotient(equations, branch, t, np.inf, cost) for t in tolerances]
-        lengths.append([quotient.length for quotient, _ in found])
-        residuals.append(cost.residuals)
-    assert lengths[0] == lengths[1]
-    assert residuals[0] <= 3.5 * len(tolerances)
-    assert residuals[0] < 0.8 * residuals[1]
 
 
 def test_it_does_not_leap_over_a_pole(monkeypatch):

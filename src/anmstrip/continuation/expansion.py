@@ -310,10 +310,6 @@ MATCHED_ORDERS = 4
 """Orders of the product that are to vanish.  With one, stiff plate on a roller table stalled; with
 fourteen conveying takes a quarter more tangents."""
 
-PREDICTED_LOOKS = 4
-"""Lengths of a quotient that are tried where errors lead to, before it is bisected: conveying and
-sliding strip takes 22 % fewer residuals than by bisection, and the same steps."""
-
 LONGEST_QUOTIENT = 4.0
 """Where they are weighted, and the longest that is tried, over the length of the series.  With 2
 conveying takes 368 tangents instead of 333."""
@@ -333,7 +329,7 @@ def longest_quotient(
 ) -> tuple[Branch, float] | None:
     """The rational form of a series, if it meets the tolerance further on than its terms tell.
 
-    Its length is sought as if errors grew with it, first like a^(N+1), then by bisection.
+    Its length is sought by bisection, as if errors grew with the length.
 
     Returns
     -------
@@ -355,19 +351,14 @@ def longest_quotient(
     lengths = guess * LENGTH_RATIO**rungs
     lengths = np.unique(np.minimum(lengths[lengths < pole], reach))
     found: tuple[Branch, float] | None = None
-    holds, fails, looks = -1, len(lengths), 0
-    tried, growth = fails // 2, (series.order + 1) * np.log(LENGTH_RATIO)
+    holds, fails = -1, len(lengths)
     while fails - holds > 1:
+        tried = (holds + fails) // 2
         error, imbalance = residual_error(equations, quotient, lengths[tried], cost, tolerance)
         if error <= tolerance:
             found, holds = (quotient.cut(lengths[tried]), imbalance), tried
         else:
             fails = tried
-        looks, tried = looks + 1, (holds + fails) // 2
-        if looks < PREDICTED_LOOKS and 0.0 < error < np.inf:
-            last = holds if error <= tolerance else fails
-            further = last + math.floor((math.log(tolerance) - math.log(error)) / growth)
-            tried = min(max(further, holds + 1), fails - 1)
     return found
 
 
