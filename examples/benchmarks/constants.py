@@ -50,7 +50,7 @@ ELSEWHERE = {
         "LARGEST_COEFFICIENT",
         "DENOMINATOR_DAMPING",
     ),
-    "speed alone": ("BLOCK_ROWS", "PREDICTED_LOOKS"),
+    "speed alone": ("BLOCK_ROWS",),
     "paths without time": (
         *(
             "LARGEST_PATH_IMBALANCE",
