@@ -422,7 +422,8 @@ def test_states_between_in_a_steady_stage_are_in_equilibrium(sharp: Scene) -> No
     ]
     assert [state.time for state in found] == list(times)
     behind = [state.rollers["d2"].tension_out for state in found]
-    assert behind == pytest.approx([1.1e4 + 1e4 * (time - 2.0) for time in times], rel=2e-3)
+    pulled = [1.1e4 + 1e4 * (time - 2.0) for time in times]
+    assert behind == pytest.approx(pulled, abs=2e-3 * 2.1e4)  # errors are of the largest tension
 
 
 def test_a_torque_that_friction_refuses_is_no_row_of_a_map() -> None:
