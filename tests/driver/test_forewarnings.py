@@ -1494,22 +1494,25 @@ LED: dict[str, Any] = {  # over one roller, as strip of finite length
     ],
 }  # fmt: skip
 COSTLY = [
-    (DANCER, "in stage fall 0.24 m of strip comes to lie on a, b, c, 476 contact points"),
-    (leveller(3), "in stage start 0.01 m of strip passes r0, r1, r2, 5 contact points"),
-    (LED, "in stage start 0.25 m of strip passes r, 66 contact points"),
+    (DANCER, "in stage fall 0.24 m of strip comes to lie on a, b, c, 476 contact points", 458),
+    (leveller(3), "in stage start 0.01 m of strip passes r0, r1, r2, 5 contact points", 468),
+    (LED, "in stage start 0.25 m of strip passes r, 66 contact points", 958),
 ]
-"""Scenes that take hundreds of tangents, and where."""
+"""Scenes that take hundreds of tangents, where, and how many."""
 
 
 def told_cost(tables: dict[str, Any]) -> list[str]:
     return [line for line in warnings(preview_of(tables)) if "the run takes about" in line]
 
 
-@pytest.mark.parametrize(("tables", "words"), COSTLY)
-def test_runs_that_take_hundreds_of_tangents_are_told(tables: dict[str, Any], words: str) -> None:
+@pytest.mark.parametrize(("tables", "words", "taken"), COSTLY)
+def test_runs_that_take_hundreds_of_tangents_are_told(
+    tables: dict[str, Any], words: str, taken: int
+) -> None:
     """What passes rollers in time, node by node, took minutes without a word."""
     (told,) = told_cost(tables)
     assert words in told
+    assert 0.5 * taken < float(re.findall(r"takes about (\d+) tangents", told)[0]) < 2.0 * taken
 
 
 def test_strip_that_passes_no_labels_is_not_told_to_cost() -> None:
@@ -1527,8 +1530,10 @@ STARTING = ("duration", "entry")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("tables", "words"), COSTLY)
-def test_costs_that_are_told_are_near_and_cured(tables: dict[str, Any], words: str) -> None:
+@pytest.mark.parametrize(("tables", "words", "taken"), COSTLY)
+def test_costs_that_are_told_are_near_and_cured(
+    tables: dict[str, Any], words: str, taken: int
+) -> None:
     """Tangents within a factor of two, and what rollers bear within the tolerance."""
     (told,) = told_cost(tables)
     settings = re.findall(r"--set (\S+)", told)
@@ -1536,6 +1541,7 @@ def test_costs_that_are_told_are_near_and_cured(tables: dict[str, Any], words: s
     exact, cured = ([step.tangents for step in run][-1] for run in runs)
     (expected,) = re.findall(r"takes about (\d+) tangents", told)
     assert 0.5 * exact < float(expected) < 2.0 * exact
+    assert words in told and exact == pytest.approx(taken, rel=0.3)
     assert cured < 0.5 * exact
     assert not told_cost(runs[1].scene.to_dict())
     if tables is DANCER:
