@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, minimize_scalar
 
+from anmstrip.driver.explain import explain
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.driver.sensitivities import sensitivities
@@ -331,3 +332,60 @@ def test_states_of_a_line_that_hangs_as_it_begins_are_in_balance() -> None:
     for step in steps:
         assert step.residual < 1.1e-3
         assert step.state.tension("exit") == pytest.approx(5e3, rel=1e-4)
+
+
+def hearth(**stage: Any) -> dict[str, Any]:
+    """Strip on three driven rollers that it only touches, 1.5 m apart, in the middle of a crown."""
+    rollers = [{"name": f"h{k}", "radius": 0.1, "centre": (1.5 * k, 0.0, -0.1), "wrap": "over",
+                "crown": (0.0, -1.4e-3)} for k in range(3)]  # fmt: skip
+    speeds = {each["name"]: {"surface_speed": 2.0} for each in rollers}
+    return {
+        "strip": {"kinematics": "shell", "width": 1.2, "thickness": 8e-4, "refined": 0.04},
+        "material": {"young": 1.5e11, "poisson": 0.3, "density": 7800.0},
+        "friction": {"coefficient": 0.25},
+        "threading": {"tension": 4e3, "entry": (-1.5, 0.0, 0.0), "exit": (4.5, 0.0, 0.0)},
+        "rollers": rollers,
+        "edges": {"entry": {"centred": True}, "exit": {"fixed": ("z",)}},
+        "stages": [
+            {"name": "run", "steady": True, "gravity": (0, 0, -9.81), "rollers": speeds, **stage}
+        ],
+    }
+
+
+def test_weight_is_put_on_where_points_come_to_bear_one_by_one() -> None:
+    """Every roller bears the weight of half the runs beside it; 270 tangents on the usual mesh."""
+    run = done(hearth(entry={"tension": 3975.0}))
+    assert run.state is not None and run.cost.expansions <= 80
+    load = 7800.0 * 8e-4 * 9.81 * 1.2 * 1.5
+    for reading in run.state.rollers.values():
+        assert reading.normal_force == pytest.approx(load, rel=0.02)
+
+
+@pytest.mark.parametrize("share", [0.8, 1.2])
+def test_friction_by_weight_holds_what_pulls(share: float) -> None:
+    """Rollers on which strip only lies hold f times its weight there, of 4.5 m of it."""
+    held = 0.25 * 7800.0 * 8e-4 * 9.81 * 4.5
+    told = explain(Scene.from_tables(hearth(entry={"tension": 4e3 - share * held}), "hearth.toml"))
+    assert ("only friction holds" in told) == (share > 1.0)
+
+
+def test_loops_begin_to_run_in_balance() -> None:
+    """With the tension that they hang by; it was 85 kN/m, that of the line before it had weight."""
+    xs = (0.0, 10.0, 20.0, 30.0)
+    scene = Scene(
+        strip={"kinematics": "section", "width": 1.0, "thickness": 5e-4},
+        material={"young": 2e11, "poisson": 0.3, "density": 7850.0},
+        friction={"coefficient": 0.2, "speed": 1e-4},
+        threading={"tension": 500.0, "entry": [-3.0, 0.0, 0.0], "exit": [33.0, 0.0, 0.0]},
+        rollers=[{"radius": 0.3, "centre": [x, 0.0, -0.3], "wrap": "over"} for x in xs],
+        edges={"exit": {"fixed": ["z"]}},
+        stages=[{"name": "run", "steady": True, "gravity": [0.0, 0.0, -9.81],
+                 "entry": {"tension": 495.0},
+                 "rollers": {f"r{k}": {"surface_speed": 1.0} for k in range(1, 5)}}],
+    )  # fmt: skip
+    run = scene.run()
+    steps = [step for step in run if step.stage == "run"]
+    assert run.outcome.done, run.message
+    assert max(step.residual for step in steps) < 1.1e-3
+    sag = steps[-1].state.along("z").min()
+    assert sag == pytest.approx(-7850.0 * 5e-4 * 9.81 * 10.0**2 / (8.0 * 475.0), rel=0.05)

@@ -616,41 +616,57 @@ def largest_tensions(
     sure : float, optional
         By which the forces of nips, which are estimates, are divided.
     """
-    assembly, forth = preview.assembly, end == ENDS[-1]
-    thread, given = assembly.thread, assembly.scene.threading
-    if thread is None or given is None:  # flat
-        order = sorted(assembly.rollers, key=lambda roller: float(roller.centre[0]))
-        heights = [0.0] * (len(order) + 2)
-    else:
-        rollers = {roller.name: roller for roller in assembly.rollers}
-        order = [rollers[roller.name] for roller in thread.rollers]
-        heights, low = [float(roller.centre[2]) for roller in order], float(assembly.origin[2])
-        start = heights[0] if given.entry is None else given.entry[2] - low
-        stop = heights[-1] if given.exit is None else given.exit[2] - low
-        heights = [start, *heights, stop]
+    assembly, thread, forth = preview.assembly, preview.assembly.thread, end == ENDS[-1]
+    order, places = rollers_in_order(assembly)
+    ways = np.diff(places, axis=0)
+    lain = 0.5 * pulled.weight * np.abs(ways[:, 0])
+    if "exit" not in assembly.scene.held_in("z"):  # the last roller bears the last run
+        lain[-1] *= 2.0
+    loads, rises = lain[:-1] + lain[1:], ways[:, 1]
     if not forth:
-        order, heights = order[::-1], heights[::-1]
+        order, loads, rises = order[::-1], loads[::-1], -rises[::-1]
     passed, pressed = {roller.name for roller in order}, dict[str, list[Nip]]()
     for nip in pulled.nips if assembly.scene.contact and assembly.rollers[0].half else ():
         first = nip.first.name if nip.first.name in passed else nip.second.name
         pressed.setdefault(first, []).append(nip)
     pull, weight = pulled.ends[ENDS[0] if forth else ENDS[-1]], pulled.weight
-    for roller, rise in zip(order, np.diff(heights), strict=False):
+    for roller, rise, weighs in zip(order, rises, loads, strict=False):
         pull = max(pull + weight * float(rise), 0.0)
         yield roller.name, pull
-        load = pull * preview.turn(roller)
+        lies = preview.lies(roller)
+        upwards = 0.0 if lies is None else lies[0][1] / np.linalg.norm(lies[0])
+        rests = max(float(upwards * weighs), 0.0)
+        load = pull * preview.turn(roller) + rests
         pull += sum(nip_friction(assembly, nip, load, sure) for nip in pressed.pop(roller.name, ()))
+        spec = assembly.specs[roller.name]
         most = tension_after(preview, roller, pull, 1.0)
+        most += coefficient_on(assembly.scene, spec) * rests
         if roller.name in assembly.turning:
             torque = pulled.torques.get(roller.name, 0.0) * roller.sense
             carried = torque * carrying_sense(roller, thread)
-            gained = assembly.specs[roller.name].bearing + (-carried if forth else carried)
+            gained = spec.bearing + (-carried if forth else carried)
             held = pull + gained / (roller.radius * assembly.strip.width)
             most = min(most, max(held, tension_after(preview, roller, pull, -1.0)))
         pull = max(most, 0.0)
     others = (nip for each in pressed.values() for nip in each)
     pull += sum(nip_friction(assembly, nip, 0.0, sure) for nip in others)
-    yield end, max(pull + weight * (heights[-1] - heights[-2]), 0.0)
+    yield end, max(pull + weight * float(rises[-1]), 0.0)
+
+
+def rollers_in_order(assembly: Assembly) -> tuple[list[Roller], Array]:
+    """Return the rollers along the strip, and x and z (m) of its entry, of them and of its exit."""
+    thread, given = assembly.thread, assembly.scene.threading
+    if thread is None or given is None:  # flat
+        order = sorted(assembly.rollers, key=lambda roller: float(roller.centre[0]))
+        half = 0.5 * assembly.strip.length
+        return order, np.array([[x, 0.0] for x in (-half, *(r.centre[0] for r in order), half)])
+    rollers = {roller.name: roller for roller in assembly.rollers}
+    order = [rollers[roller.name] for roller in thread.rollers]
+    typed = ((given.entry, order[0]), (given.exit, order[-1]))
+    first, last = (
+        near.centre if end is None else np.subtract(end, assembly.origin) for end, near in typed
+    )
+    return order, np.array([first, *(roller.centre for roller in order), last])[:, [0, 2]]
 
 
 def sharpest_curvature(preview: Preview, roller: Roller) -> float:

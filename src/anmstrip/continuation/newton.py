@@ -156,7 +156,7 @@ def solve_by_narrowing(
     solver: LinearSolver,
     tolerance: float,
     cost: Cost,
-    stalled: PathStopped | None = None,
+    stopped: PathStopped | None = None,
 ) -> Corrected | None:
     """The state at λ = 1 by way of smoother laws, None if they do not lead there.
 
@@ -175,8 +175,8 @@ def solve_by_narrowing(
         Leads from a state at a λ to the last step of a path to λ = 1.
     tolerance : float
         Imbalance of the state.
-    stalled : PathStopped, optional
-        Why the given laws do not lead there; it is told with which ones the state was found.
+    stopped : PathStopped, optional
+        Where the given laws do not lead there; it is told with which ones the state was found.
     """
     laws = equations.smoother(WIDEST_FRICTION)
     if laws is None:
@@ -184,11 +184,11 @@ def solve_by_narrowing(
     try:
         for each, start in zip(laws, (control, 0.0), strict=True):
             u = path(each, u, start).branch.end[0]
-    except PathStopped as stopped:
-        if stopped.outcome is Outcome.TOO_MANY_TANGENTS:
+    except PathStopped as there:
+        if there.outcome is Outcome.TOO_MANY_TANGENTS:
             raise
-        if stalled is not None and each is laws[1]:
-            stalled.width = WIDEST_FRICTION ** (1.0 - stopped.control)
+        if stopped is not None and each is laws[1]:
+            stopped.width = WIDEST_FRICTION ** (1.0 - there.control)
         return None
     return Newton(equations, solver, Corrections(tolerance, least=1), cost).corrected(u, 1.0)
 

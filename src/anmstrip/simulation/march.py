@@ -91,6 +91,11 @@ MAX_WEIGHING_STATES = 500
 of 6 m takes 220 and 428 on elements a quarter and an eighth as long as usual; after 200 of them,
 given up, weight that grew as it ran took 730 tangents, and on the shorter ones no end of them."""
 
+WEIGHING_STATES, WEIGHING_CONTACT = 12, (100.0, 30.0, 10.0, 3.0, 1.0)
+"""States after which weight is put on by way of wider laws of contact, and their onsets over the
+given one: strip that 3 kN/m pull over crowned rollers that it only touches takes 35 tangents, not
+270.  With a first onset of 1000 such a roller of r = 150 mm, crowned by 0.5 mm, fails."""
+
 MAX_MOVING_IMBALANCE = 0.1
 """Imbalance of a state in time, seen as a stationary one, from which a steady stage begins anew.
 Lines that run or have come to rest are below 0.04.  Of 25 random ones whose rollers had just been
@@ -231,8 +236,7 @@ class March:
         self.course.values["entry.along"] = along  # of the whole stage, also of one resumed
         weighed = self.velocity.any() or np.any(self.course.values.get("gravity", 0.0))
         if stage.gravity is not None and not weighed:
-            self._weigh(stage)
-            state = None if state is None else replace(state, full=self.full)
+            state = self._weighed(stage, state)
         turning = slice(self.assembly.strip.unknowns, self.assembly.coupled)
         self.full = self.full.copy()
         self.full[turning] = self.velocity[turning]
@@ -242,22 +246,54 @@ class March:
         if state is not None and self.course.pulled(stage) and not self.assembly.closed:
             self.course.values["entry.tension"] = np.array(state.tension("entry"))
 
-    def _weigh(self, stage: StageSpec) -> None:
-        """Put weight on a threaded strip before it runs, where a short path does that.
+    def _weighed(self, stage: StageSpec, state: State | None) -> State | None:
+        """Put weight on a threaded strip before it runs, where a path does that.
 
         Rollers onto which only weight presses it cannot carry the drag of their bearings before.
         """
         if self.assembly.thread is None or self.assembly.flow is not None:
-            return
+            return state
         weighing = StageSpec(
             name=stage.name, duration=stage.duration, friction=False, gravity=stage.gravity
         )
         plan = self.course.plan(weighing, {}, self.full)
         with suppress(PathStopped):
-            *_, last = self.through(plan, MAX_WEIGHING_STATES)
-            self.full = last.state.full
-            kept = {"gravity", "strip.held"} & last.state.controls.keys()  # what labels hold, too
-            self.course.values |= {key: last.state.controls[key] for key in kept}
+            for number, step in enumerate(self.through(plan, MAX_WEIGHING_STATES), start=1):
+                weighed = step.state
+                if number == WEIGHING_STATES and weighed.control < 1.0:
+                    weighed = self._weighed_by_width(plan) or weighed
+                if weighed.control == 1.0:
+                    self.full, controls = weighed.full, weighed.controls
+                    kept = {"gravity", "strip.held"} & controls.keys()  # what labels hold, too
+                    self.course.values |= {key: controls[key] for key in kept}
+                    return weighed
+        return state
+
+    def _weighed_by_width(self, plan: StageProblem) -> State | None:
+        """The state at the end of a stage by way of laws of contact that set in over more.
+
+        Where rollers touch strip along a line, its nodes come to bear one by one, each in some
+        states of its own.
+        """
+        widest, *narrower = WEIGHING_CONTACT
+        equations, u = plan.equations(), self.full[plan.supports.free]
+        few = Settings(
+            self.assembly.order, self.tolerances.path, MAX_STATES, rational=True, backwards=0.0
+        )
+        with suppress(PathStopped):
+            *_, last = self.follow(equations.with_wider_laws(widest), u, settings=few, **self.ways)
+            u = last.branch.end[0]
+            aim = self.tolerances.tolerance
+            settings = Corrections(aim, MAX_GUESS_CORRECTIONS, growth=GUESS_GROWTH)
+            for width in narrower:
+                laws = equations.with_wider_laws(width)
+                found = Newton(laws, self.solver, settings, self.cost).corrected(u, 1.0)
+                if found is None:
+                    return None
+                u = found.u
+            end, full = plan.start + plan.duration, plan.supports.full(u, 1.0)
+            return State(plan, end, 1.0, full, None, conveyed=self.conveyed)
+        return None
 
     def _let_slide(self, stage: StageSpec) -> bool:
         """Let strip that rollers have moved slide into place without friction, and come to rest.
@@ -388,7 +424,7 @@ class March:
 
     def _settled(self, equations: Equilibrium, u: Array, settings: Settings) -> Iterator[PathStep]:
         """Steps of a steady stage; where they are many or stall, the last is by smoother laws."""
-        pace, stalled = self.pace or Pace(0.0, 1.0), None
+        pace, stopped = self.pace or Pace(0.0, 1.0), PathStopped(Outcome.NOT_ENDED, 0.0)
         try:
             if not _many(pace):
                 for step in self._path(equations, u, settings):
@@ -398,18 +434,22 @@ class March:
                         break
                 else:
                     return
-        except PathStopped as stopped:
-            if stopped.outcome is not Outcome.STALLED:
+        except PathStopped as reason:
+            if reason.outcome not in {Outcome.STALLED, Outcome.FOLD}:
                 raise
-            stalled = stopped
-        found = self._narrowed(equations, u, pace.control, settings, stalled)
+            stopped = reason
+        found = self._narrowed(equations, u, pace.control, settings, stopped)
         if found is not None:
             yield straight_step(u, pace.control, found)
-        elif stalled is not None:
-            raise stalled
-        else:
+            return
+        if stopped.outcome is Outcome.NOT_ENDED:
             self.pace = replace(pace, taken=pace.taken + 1)
-            yield from self._path(equations, u, settings)
+            try:
+                yield from self._path(equations, u, settings)
+                return
+            except PathStopped as reason:
+                reason.width, stopped = stopped.width, reason
+        raise stopped
 
     def _narrowed(
         self,
@@ -417,7 +457,7 @@ class March:
         u: Array,
         control: float,
         settings: Settings,
-        stalled: PathStopped | None,
+        stopped: PathStopped,
     ) -> Corrected | None:
         """Stationary state at the end of a stage by way of smoother laws, None if there is none."""
         few = replace(settings, max_steps=MAX_STATES, give_way=False, rational=True)
@@ -427,7 +467,7 @@ class March:
             *_, last = self.follow(laws, u, settings=few, start=start, **self.ways)
             return last
 
-        given: dict[str, Any] = {"tolerance": aim, "stalled": stalled, **self.ways}
+        given: dict[str, Any] = {"tolerance": aim, "stopped": stopped, **self.ways}
         return solve_by_narrowing(equations, u, control, path, **given)
 
     def _start(self, plan: StageProblem) -> tuple[Array, Equilibrium]:
