@@ -88,7 +88,7 @@ def test_sensitivities_of_an_endless_strip_are_differences_of_runs() -> None:
 
 
 MISTAKES: list[tuple[str, Any, str, str]] = [
-    ("threading.entry", [0.0, 0.0, -0.1], "threading.entry", "the exit goes on as the entry"),
+    ("threading.entry", [0.0, 0.0, -0.1], "threading.entry", "an endless strip has no ends"),
     ("edges.entry.fixed", ["x", "z"], "edges.entry", "an endless strip has no ends"),
     ("stages.run.exit.tension", 1e3, "stages.run.exit", "an endless strip has no ends"),
     ("strip.kinematics", "shell", "strip.kinematics", '"section" beside threading.closed'),

@@ -591,22 +591,19 @@ def closed_strip(
     """Yield what an endless strip cannot have: ends, a width that bends, stages in time."""
     if threading is None or not threading.closed:
         return
-    for name in ENDS:
-        if (place := getattr(threading, name)) is not None:
-            expected = "nothing beside closed = true: the exit goes on as the entry"
-            yield Mistake("", f"threading.{name}", place, expected, "take it out")
-        if name in edges:
-            expected = "no such table beside threading.closed = true: an endless strip has no ends"
-            yield Mistake("", f"edges.{name}", "a table", expected, "take it out")
-    for key, name, _ in edge_controls(stages):
-        expected = "nothing beside threading.closed = true: an endless strip has no ends"
-        yield Mistake("", key, name, expected, "take it out")
+    given: dict[str, object] = {f"threading.{name}": getattr(threading, name) for name in ENDS}
+    given |= {f"edges.{name}": "a table" for name in ENDS if name in edges}
+    given |= {key: name for key, name, _ in edge_controls(stages)}
+    given |= {f"stages.{stage.name}.strip.speed": stage.strip.speed for stage in stages}
+    given["material.plasticity"] = None if material.plasticity is None else "a table"
+    for key, value in given.items():
+        if value is not None:
+            expected = "nothing beside threading.closed = true: an endless strip has no ends, "
+            expected += "does not yield, and the strip's speed follows"
+            yield Mistake("", key, value, expected, "take it out")
     if strip.kinematics != "section":
         expected = '"section" beside threading.closed = true'
         yield Mistake("", "strip.kinematics", strip.kinematics, expected, 'kinematics = "section"')
-    if material.plasticity is not None:
-        expected = "no such table beside threading.closed = true"
-        yield Mistake("", "material.plasticity", "a table", expected, "take it out")
     if sum(roller.wrap is not None for roller in rollers) < 2:
         expected = "at least two rollers with a wrap, round which an endless strip runs"
         yield Mistake("", "rollers", len(rollers), expected, 'wrap = "left"')
@@ -615,9 +612,6 @@ def closed_strip(
         if not stage.steady and stage.friction:
             expected = "true, or friction = false: an endless strip has no stages in time"
             yield Mistake("", f"{key}.steady", False, expected, "steady = true")
-        if stage.strip.speed is not None:
-            expected = "nothing beside threading.closed = true: the strip's speed follows"
-            yield Mistake("", f"{key}.strip.speed", stage.strip.speed, expected, "take it out")
         if stage.steady and all(roller.drive != "speed" for roller in rollers):
             expected = 'a roller with drive = "speed": torques alone do not fix the speed'
             yield Mistake("", f"{key}.rollers", None, expected, 'drive = "speed"')
