@@ -309,17 +309,15 @@ def doubtful_friction(scene: SceneSpec) -> Iterator[Doubt]:
 
 def doubtful_speeds(scene: SceneSpec) -> Iterator[Doubt]:
     """Yield speeds of strip and of rollers that no line has."""
+    most = LARGEST_IN_LINES["m/s"]
     for stage in scene.stages:
-        key = f"stages.{stage.name}"
-        speeds = {f"{key}.strip.speed": stage.strip.speed}
-        speeds |= {f"{key}.{name}.speed": edge.speed for name, edge in stage.edges.items()}
-        for name, roller in stage.rollers.items():
-            speeds[f"{key}.rollers.{name}.surface_speed"] = roller.surface_speed
-        for each, speed in speeds.items():
-            if speed is not None and abs(speed) > LARGEST_IN_LINES["m/s"]:
-                meant = {"m/min": speed / 60.0, "mm/s": 1e-3 * speed}
-                unit = "m/min" if abs(meant["m/min"]) <= LARGEST_IN_LINES["m/s"] else "mm/s"
-                yield doubt(each, speed, "m/s", unit, meant[unit])
+        speeds = {"strip.speed": stage.strip.speed}
+        speeds |= {f"{name}.speed": edge.speed for name, edge in stage.edges.items()}
+        speeds |= {f"rollers.{n}.surface_speed": c.surface_speed for n, c in stage.rollers.items()}
+        for key, speed in speeds.items():
+            if speed is not None and abs(speed) > most:
+                unit, share = ("m/min", 60.0) if abs(speed) <= 60.0 * most else ("mm/s", 1e3)
+                yield doubt(f"stages.{stage.name}.{key}", speed, "m/s", unit, speed / share)
 
 
 def doubtful_tensions(scene: SceneSpec) -> Iterator[Doubt]:

@@ -981,8 +981,6 @@ def wrong_law(law: Any) -> tuple[str, str] | None:
     try:
         with np.errstate(all="ignore"):
             return None if check(law, points) else (wanted, hint)
-    except WrongShapeError as error:
-        return f"an array as large as what it is given, and it returned {error}", hint
     except Exception as error:  # whatever the user's law raises
         return f"a law that works on arrays ({words_of(error)})", hint
 
@@ -1020,15 +1018,11 @@ def words_of(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}{place}".replace(": ,", ",").removesuffix(": ")
 
 
-class WrongShapeError(ValueError):
-    """A user's law has returned an array of this shape, which is not that of what it was given."""
-
-
 def shaped_like(given: Array, found: Any) -> Array:
     """Return what a user's law has made of an array, refused unless it is as large."""
     values = np.asarray(found, dtype=float)
     if values.shape != given.shape:
-        raise WrongShapeError(values.shape)
+        raise ValueError(f"given an array of {given.shape}, it returned {values.shape}")
     return values
 
 
