@@ -422,17 +422,15 @@ class March:
                 u, imbalance = found.u, found.imbalance
             if imbalance < LAST_REDUCTION * begin:
                 return u, imbalance
-        found = self._balanced_by_narrowing(equations, u, max(floor, NEGLIGIBLE_IMBALANCE))
-        if found is not None:
-            left = equations.imbalance(equations.residual(found, 1.0))
-            if left < imbalance:
-                return found, left
+        last = self._balanced_by_narrowing(equations, u, max(floor, NEGLIGIBLE_IMBALANCE))
+        if last is not None and last.imbalance < imbalance:
+            u, imbalance = last.branch.end[0], last.imbalance
         return u, imbalance
 
     def _balanced_by_narrowing(
         self, equations: Equilibrium, u: Array, tolerance: float
-    ) -> Array | None:
-        """The balanced state near to one, by way of friction that turns round less sharply."""
+    ) -> PathStep | None:
+        """The last step to a balanced state nearby, from friction that turns round less sharply."""
         laws = equations.smoother(BALANCING_FRICTION)
         if laws is None:
             return None
@@ -444,7 +442,7 @@ class March:
         settings = Settings(order, tolerance, few, rational=True, give_way=False)
         with suppress(PathStopped):
             *_, last = self.follow(laws[1], found.u, settings=settings, **self.ways)
-            return last.branch.end[0]
+            return last
         return None
 
     def _path(self, equations: Equilibrium, u: Array, settings: Settings) -> Iterator[PathStep]:
