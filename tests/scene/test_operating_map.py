@@ -318,6 +318,37 @@ def test_map_beyond_the_grip_says_where_it_is_lost() -> None:
     assert "slides as a whole there. Grip regained on d at exit.tension = 2" in down
 
 
+def test_map_does_not_come_back_along_the_states_before_the_grip_is_lost() -> None:
+    """By hand s2 adds M/(r W), and s1 holds exp(f θ): grip is lost at 7 006 N/m at the exit.
+
+    The control turned back there within the tolerance, and 32 states were told twice, with
+    torques wrong by 0.5 %.
+    """
+    rollers = [
+        {"name": "s1", "radius": 0.4, "centre": [0.0, 0.0, 0.0], "wrap": "over"},
+        {"name": "s2", "radius": 0.4, "centre": [0.4, 0.0, -1.1], "wrap": "under"},
+    ]
+    rollers[1]["drive"] = "torque"
+    run = {"entry": {"tension": 1.2e4}, "exit": {"tension": 8e3}}
+    run["rollers"] = {"s1": {"surface_speed": 3.0}, "s2": {"torque": 500.0}}
+    found = Scene(
+        strip={"kinematics": "section", "width": 0.65, "thickness": 4e-4},
+        material={"young": 1.2e11, "poisson": 0.34},
+        friction={"coefficient": 0.15},
+        threading={"tension": 8e3, "entry": [-2.0, 0.0, 0.4], "exit": [2.5, 0.0, -1.5]},
+        rollers=rollers,
+        stages=[{"name": "run", "steady": True, **run}],
+    ).map("exit.tension=8000:5000")
+    limit = 1.2e4 * np.exp(-0.15 * 1.972) - 500.0 / (0.4 * 0.65)
+    exits = [row["exit.tension"] for row in found.rows]
+    assert np.all(np.diff(exits) < 0.0)
+    assert exits[-1] == pytest.approx(limit, rel=5e-3)
+    (event,) = found.events
+    assert (event["kind"], event["roller"]) == ("grip lost", "s1")
+    assert event["exit.tension"] == pytest.approx(limit, rel=2e-3)
+    assert "slides as a whole there. Grip lost on s1" in found.message
+
+
 def test_strip_that_slides_all_along_a_map_is_told() -> None:
     """Two drives that turn backwards, which carry it nowhere; neither loses its grip on the way."""
     rollers = [
