@@ -27,6 +27,10 @@ CREEP = 1.5e-6
 """V_c of the algebraic law (m/s)."""
 
 
+COOLING = {"across": [300.0], "along": [[0.0, 1.0], [1.3, 1.0], [2.3, 0.0], [4.0, 0.0]]}
+"""K."""
+
+
 def string(speed: float, **others: Any) -> Scene:
     """One roller at 1 m/s under a strip that does not resist bending; the default law."""
     law = {"law": "algebraic", "coefficient": FRICTION, "speed": CREEP}
@@ -347,6 +351,35 @@ def test_map_does_not_come_back_along_the_states_before_the_grip_is_lost() -> No
     assert (event["kind"], event["roller"]) == ("grip lost", "s1")
     assert event["exit.tension"] == pytest.approx(limit, rel=2e-3)
     assert "slides as a whole there. Grip lost on s1" in found.message
+
+
+def test_strip_that_cools_on_a_roller_does_not_lose_its_grip() -> None:
+    """It slips forwards on one side of a line across and backwards on the other: 300 K over the arc.
+
+    The share of the cone has no zero at the points, and grip was told to be lost and regained.
+    """
+    line = Scene(
+        strip={"kinematics": "section", "width": 1.0, "thickness": 6e-4},
+        material={"young": 2e11, "poisson": 0.3, "expansion": 1.3e-5},
+        friction={"coefficient": 0.25},
+        threading={"tension": 6e3, "entry": [-1.5, 0.0, 0.0], "exit": [0.4, 0.0, -1.9]},
+        rollers=[{"name": "d", "radius": 0.4, "centre": [0.0, 0.0, -0.4], "wrap": "over"}],
+        stages=[
+            {
+                "name": "run",
+                "steady": True,
+                "strip": {"temperature": COOLING},
+                "entry": {"tension": 6e3},
+                "exit": {"tension": 6e3},
+                "rollers": {"d": {"surface_speed": 2.0}},
+            }
+        ],
+    )
+    found = line.map("exit.tension=6000:6600:12")
+    assert found.done
+    assert [event["kind"] for event in found.events] == []
+    assert max(row["d_capacity_used"] for row in found.rows) < 0.5
+    assert max(row["d_slip_arc"] / row["d_wrap"] for row in found.rows) > 0.9
 
 
 def test_strip_that_slides_all_along_a_map_is_told() -> None:
