@@ -354,7 +354,7 @@ def test_map_does_not_come_back_along_the_states_before_the_grip_is_lost() -> No
 
 
 def test_strip_that_cools_on_a_roller_does_not_lose_its_grip() -> None:
-    """It slips forwards on one side of a line across and backwards on the other: 300 K over the arc.
+    """It slips forwards before a line across and backwards behind: by 300 K over the arc.
 
     The share of the cone has no zero at the points, and grip was told to be lost and regained.
     """
