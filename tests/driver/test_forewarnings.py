@@ -679,7 +679,7 @@ def test_fibres_are_slack_from_the_tension_that_is_told() -> None:
     (told,) = uneven_fibres(Preview.of(Assembly(cambered(0.1))))
     found = re.search(r"below about (\S+) N/m.*Try --set strip.camber=(\S+),", told)
     assert found is not None
-    assert float(found[1]) == pytest.approx(2e11 * 1e-3 * 0.1 * 0.05, rel=0.1)  # at the last point
+    assert float(found[1]) == pytest.approx(2e11 * 1e-3 * 0.1 * 0.05, rel=0.01)  # two digits
     assert not list(uneven_fibres(Preview.of(Assembly(cambered(float(found[2]))))))
     run = cambered(0.5 * 4.4e4 / (2e11 * 1e-3 * 0.05)).run()
     for _ in run:

@@ -21,6 +21,7 @@ from anmstrip.fem.sampling import quadrature_points, shape_of
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.roller import Roller, placed
 from anmstrip.mechanics.shell import eigenstrain
+from anmstrip.results.wrinkles import TO_SIDES
 from anmstrip.scene.checks import PARALLEL_COSINE, ROUND_OFF, moved_ends
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, EdgeSpec
@@ -1319,6 +1320,8 @@ def turned_axis(preview: Preview) -> Iterator[str]:
 def longest_fibre(strip: Strip, own: Array, led: bool) -> float:
     """Return by which strain the longest fibre exceeds the mean across, on a mesh of rectangles.
 
+    Up to the sides of its elements, where edges of the strip are and corners of what is typed.
+
     Parameters
     ----------
     strip : Strip
@@ -1335,7 +1338,8 @@ def longest_fibre(strip: Strip, own: Array, led: bool) -> float:
     if not led:
         bend = np.bincount(row, weights * y * uneven) / np.bincount(row, weights * y**2)
         uneven = uneven - bend[row] * y
-    return float(uneven.max())
+    sides = uneven.reshape(-1, len(TO_SIDES), len(TO_SIDES)).swapaxes(1, 2) @ TO_SIDES
+    return float(max(uneven.max(), sides.max()))
 
 
 def uneven_fibres(preview: Preview) -> Iterator[str]:

@@ -421,7 +421,9 @@ class OperatingMap:
     def _followed(self, stage: StageSpec, place: Callable[[float], str]) -> Iterator[Step]:
         """Accept the steps of a stage as far as it goes; a stop, and its place, is told at the end.
 
-        The place is one for each share of the way.
+        The place is one for each share of the way.  Where strip slides as a whole its speed hardly
+        changes friction: the control turns back there within the tolerance alone, along the same
+        states.
         """
         run, march = self.run, self.run.march
         plan = march.planned(stage, run.state)
@@ -429,6 +431,9 @@ class OperatingMap:
             for step in march.through(plan, run.scene.solver.max_steps, between=True):
                 if spins_away(step.state):
                     raise PathStopped(Outcome.RAN_AWAY, step.state.control)
+                back = step.state.branch is not None and step.state.branch.folds
+                if back and slides_as_a_whole(step.state, run.scene):
+                    raise PathStopped(Outcome.FOLD, step.state.control)
                 march.accept(step)
                 run.state = step.state
                 yield step

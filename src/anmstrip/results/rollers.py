@@ -203,8 +203,16 @@ class ContactState:
 
     @property
     def grip(self) -> float:
-        """Least share of the cone in contact, less :data:`STICKING_SHARE`: above 0 all slips."""
-        return float(self.sliding[0].min(initial=1.0)) - STICKING_SHARE
+        """Least share of the cone in contact, less :data:`STICKING_SHARE`: above 0 all slips.
+
+        Or that of the sum of friction, if it is less: strip that slips to both sides, as one that
+        cools on a roller does, sticks between them, and is held.
+        """
+        across = self.roller.unit_axis @ self.traction * self.area
+        whole = np.hypot(self.drag, across.sum())
+        limit = (self.coefficient or 0.0) * self.normal_force
+        share = min(float(self.sliding[0].min(initial=1.0)), whole / limit if limit else 1.0)
+        return float(share) - STICKING_SHARE
 
     @cached_property
     def ends(self) -> Array:
