@@ -396,9 +396,10 @@ def test_rollers_on_which_strip_slips_both_ways_end_in_balance() -> None:
 
     Corrections turned back and forth: torques were up to 25 % wrong at the tolerance of 1e-3.
     """
-    run = done(hearth(entry={"tension": 3970.0}))
-    assert run.state is not None
-    for reading in run.state.rollers.values():
+    run = Scene.from_tables(hearth(entry={"tension": 3970.0}), "line.toml").run()
+    *_, last = run
+    assert run.outcome.done and last.residual < 1e-6
+    for reading in last.state.rollers.values():
         drag = 1.2 * (reading.tension_in - reading.tension_out) * 0.1
-        assert reading.torque == pytest.approx(drag, rel=0.01)  # radii differ by 0.5 %
-    assert run.state.rollers["h2"].tension_out == pytest.approx(4e3, rel=1e-4)
+        assert reading.torque == pytest.approx(drag, rel=0.02)  # radii differ by 0.5 %
+    assert last.state.rollers["h2"].tension_out == pytest.approx(4e3, rel=1e-4)
