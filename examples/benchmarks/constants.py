@@ -72,7 +72,11 @@ ELSEWHERE = {
     "steady stages": (
         "LONG_PATH_STATES",
         "MAX_STATES",
+        "WEIGHING_STATES",
+        "WEIGHING_CONTACT",
         "MAX_WEIGHING_STATES",
+        "BALANCING_FRICTION",
+        "MAX_LAST_STATES",
         "NEGLIGIBLE_IMBALANCE",
         "MAX_LAST_CORRECTIONS",
         "LAST_REDUCTION",

@@ -815,7 +815,6 @@ ELSEWHERE = {
     "pulled_twice": "test_forewarnings.py",
     "undriven": "test_steady.py",
     "standing_idlers": "test_steady.py",
-    "unbalanced_idlers": "test_forewarnings.py",
     "heavy_bearings": "test_forewarnings.py",
     "proposed_keys": "reads what others propose",
     "spinning_rollers": "of what a last state shows",

@@ -1175,8 +1175,11 @@ def test_torque_that_friction_of_a_belt_refuses(torque: float, told: bool) -> No
     assert any("the roller turns through" in words for words in found) == told
 
 
-def test_weight_turns_an_idler_that_the_taut_strip_hardly_wraps(tmp_path: Path) -> None:
-    """Foil over 2 m to both sides: f r W (T θ + w l) = 0.01 N m, half of it by weight."""
+def test_weight_turns_an_idler_that_the_taut_strip_hardly_wraps() -> None:
+    """Foil over 2 m to both sides: f r W (T θ + w l) = 0.01 N m, half of it by weight.
+
+    That is 5e-4 of the line's forces, less than the tolerance.
+    """
     roller = {"radius": 0.05, "wrap": "over"}
     tables: dict[str, Any] = {
         "strip": {"kinematics": "section", "width": 0.65, "thickness": 1.2e-5},
@@ -1194,7 +1197,7 @@ def test_weight_turns_an_idler_that_the_taut_strip_hardly_wraps(tmp_path: Path) 
             "rollers": {"d0": {"surface_speed": 0.5}, "d2": {"surface_speed": 0.5}}}],
     }  # fmt: skip
     by_hand = 0.25 * 0.05 * 0.65 * (120.0 * 0.005 + 2700.0 * 1.2e-5 * 9.81 * 2.0)
-    for bearing in (0.7 * by_hand, 2.0 * by_hand):
+    for bearing in (0.7 * by_hand, 1.2 * by_hand, 2.0 * by_hand):
         tables["rollers"][1]["bearing"] = bearing
         found = [line for line in warnings(preview_of(tables)) if "stands still" in line]
         assert len(found) == (bearing > by_hand)
@@ -1205,16 +1208,6 @@ def test_weight_turns_an_idler_that_the_taut_strip_hardly_wraps(tmp_path: Path) 
         assert run.outcome.done and run.state is not None
         turning = run.state.rollers["d1"].surface_speed
         assert turning == pytest.approx(0.5 if bearing < by_hand else 0.0, abs=1e-3)
-        assert not any("turns here" in line for line in run.warnings)
-    tables["rollers"][1]["bearing"] = 1.2 * by_hand  # a share of 5e-4 of the line's forces
-    run = Scene.model_validate(tables).run(tmp_path)
-    *_, last = run
-    (told,) = [line for line in run.warnings if "idle roller d1 turns here" in line]
-    assert last.state.rollers["d1"].surface_speed > 0.4
-    (typed,) = re.findall(r"--set (solver\.tolerance=\S+)", told)
-    run = Scene.from_tables(tables, "foil", [typed]).run()
-    *_, last = run
-    assert last.state.rollers["d1"].surface_speed == pytest.approx(0.0, abs=1e-3)
 
 
 def test_a_line_that_runs_away_is_told_once_and_what_to_type_lies_between_both_pulls() -> None:

@@ -351,26 +351,14 @@ def standing_idlers(state: State, scene: SceneSpec) -> Iterator[str]:
 
 
 def unbalanced_idlers(state: State, scene: SceneSpec) -> Iterator[str]:
-    """Idle rollers that friction turns with more than their bearings hold, or with less.
-
-    More in a steady stage that sets a line going, before its end; less where a roller that hardly
-    bears anything turns within the tolerance of the whole line, though it would stand.
-    """
+    """Idle rollers that friction turns with more than bearings hold, before a stage has ended."""
     unbalanced = list[str]()
     for spec in scene.rollers if state.plan.steady and not stands(state) else ():
         contact = state.contacts.get(spec.name)
         if spec.drive != "idle" or contact is None:
             continue
-        taken, tolerance = abs(contact.torque), scene.solver.tolerance
-        share = UNBALANCED_SHARE * tolerance * contact.normal_force * spec.radius
-        turns = abs(contact.surface_speed) > 0.5 * abs(state.strip_speed or 0.0)
-        if turns and 0.0 < taken < spec.bearing - share:
-            yield (
-                f"idle roller {spec.name} turns here, but friction turns it with {taken:.3g} N m, "
-                f"and its bearings hold {spec.bearing:g} N m: within the tolerance it may stand as "
-                f"well. Try --set solver.tolerance={0.1 * tolerance:g}"
-            )
-        elif taken > spec.bearing + share:
+        taken, share = abs(contact.torque), UNBALANCED_SHARE * scene.solver.tolerance
+        if taken > spec.bearing + share * contact.normal_force * spec.radius:
             unbalanced.append(f"{spec.name} with {taken:.3g} N m against {spec.bearing:g} N m")
     if unbalanced:
         yield (
