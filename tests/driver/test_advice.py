@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import copy
+import json
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -22,6 +23,7 @@ from anmstrip.advice.diagnosis import Failure, diagnosis
 from anmstrip.advice.preview import Preview
 from anmstrip.advice.units import other_units
 from anmstrip.advice.warnings import OTHER_RULES, SERIOUS_RULES, warnings
+from anmstrip.continuation.path import Outcome
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import RefinedRun, Scene
 from anmstrip.simulation import march
@@ -627,6 +629,18 @@ def test_shorter_elements_do_not_blunt_friction() -> None:
         pass
     assert len(run.passes) == 1
     assert "Try --set friction.speed=" in run.message
+
+
+def test_a_line_that_turned_back_is_left_where_it_had_come_to(tmp_path: Path) -> None:
+    """Its tables are of that state, and not of one that it came back to."""
+    run = Scene.from_tables(LOOP, "loop.toml").run(tmp_path)
+    times = [step.time for step in run]
+    assert run.outcome is Outcome.FOLD and run.state is not None
+    assert run.state.time == max(times) > times[-1] + 0.1
+    assert run.message.startswith(f"Stopped in stage run at t = {max(times):.6g} s")
+    assert f"turned back at a limit point at t = {max(times):.4g}"[:-1] in run.message
+    told = json.loads((tmp_path / "summary.json").read_text())["rollers"]["a"]
+    assert told["tension_in"] == pytest.approx(run.state.rollers["a"].tension_in)
 
 
 SUPPORTED = merged(

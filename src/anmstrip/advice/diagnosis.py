@@ -170,9 +170,11 @@ def diagnosis(failure: Failure, cause: str | None = None) -> str:
 def turning_point(failure: Failure) -> str:
     """Say where a path turned back: when, and what the stage had changed until then."""
     farthest, plan = failure.stopped.farthest, failure.plan
-    if farthest is None or plan.in_time or farthest - failure.state.control < TURNED_BACK:
-        return ""
     fold = failure.stopped.outcome is Outcome.FOLD
+    if farthest is None or plan.in_time:
+        return ""
+    if farthest - failure.state.control < TURNED_BACK and not (fold and plan.steady):
+        return ""
     said = "" if fold else ", after the path turned back at a limit point"
     reached = plan.controls.at(farthest)
     numbers = {k: v for k, v in reached.items() if not v.ndim or k.endswith("force")}

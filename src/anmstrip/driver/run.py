@@ -270,6 +270,7 @@ class Run:
         self.wrinkles: list[dict[str, Any]] = []
         self.flow = MeanFlow()
         self.state: State | None = None
+        self.farthest: State | None = None  # of a steady stage, with the largest share of it
         self.outcome, self.message = Outcome.NOT_ENDED, "The run has not ended."
         self.stopped: PathStopped | None = None
         self.warnings: list[str] = []
@@ -353,10 +354,12 @@ class Run:
             stage = course[min(self.first_stage, len(course) - 1)]
             state = self.march.here(self.march.course.plan(stage, {}))
             goes_on = self.recorder is not None and not self.estimates
-            failure = Failure(self.assembly, stage, state, stopped, resumable=goes_on)
-            self.message = diagnosis(failure)
             with delay_interrupts():
                 self._checkpoint(force=True)
+            if stopped.outcome is Outcome.FOLD and self.farthest is not None:
+                self.state = state = self.farthest  # and not where the path came back to
+            failure = Failure(self.assembly, stage, state, stopped, resumable=goes_on)
+            self.message = diagnosis(failure)
             if not (self.outcome is Outcome.TOO_LARGE or ran_away(failure)):
                 self._look_at_errors(stage)
         self._finish()
@@ -371,7 +374,7 @@ class Run:
 
     def _run_stage(self, stage: StageSpec) -> Iterator[Step]:
         """Take the steps of a stage, from its beginning or from where it was interrupted."""
-        march, course = self.march, self.scene.course
+        march, course, self.farthest = self.march, self.scene.course, None
         with delay_interrupts():
             plan = march.planned(stage, self.state)
         self.counted = (time.perf_counter(), self.steps, self.cost.expansions)
@@ -434,6 +437,8 @@ class Run:
                 self.snaps.append({"stage": plan.name, "time": state.time, "distance": distance})
         self.flow.add(state, state.time - before.time)
         self.state = state
+        if plan.steady and (self.farthest is None or state.control > self.farthest.control):
+            self.farthest = state
         self.march.accept(step)
         self.steps += 1
         self._count(plan)
