@@ -270,7 +270,7 @@ class Run:
         self.wrinkles: list[dict[str, Any]] = []
         self.flow = MeanFlow()
         self.state: State | None = None
-        self.farthest: State | None = None  # of a steady stage, with the largest share of it
+        self._farthest: State | None = None  # of a steady stage, with the largest share of it
         self.outcome, self.message = Outcome.NOT_ENDED, "The run has not ended."
         self.stopped: PathStopped | None = None
         self.warnings: list[str] = []
@@ -356,8 +356,8 @@ class Run:
             goes_on = self.recorder is not None and not self.estimates
             with delay_interrupts():
                 self._checkpoint(force=True)
-            if stopped.outcome is Outcome.FOLD and self.farthest is not None:
-                self.state = state = self.farthest  # and not where the path came back to
+            if stopped.outcome is Outcome.FOLD and self._farthest is not None:
+                self.state = state = self._farthest  # and not where the path came back to
             failure = Failure(self.assembly, stage, state, stopped, resumable=goes_on)
             self.message = diagnosis(failure)
             if not (self.outcome is Outcome.TOO_LARGE or ran_away(failure)):
@@ -374,7 +374,7 @@ class Run:
 
     def _run_stage(self, stage: StageSpec) -> Iterator[Step]:
         """Take the steps of a stage, from its beginning or from where it was interrupted."""
-        march, course, self.farthest = self.march, self.scene.course, None
+        march, course, self._farthest = self.march, self.scene.course, None
         with delay_interrupts():
             plan = march.planned(stage, self.state)
         self.counted = (time.perf_counter(), self.steps, self.cost.expansions)
@@ -437,8 +437,8 @@ class Run:
                 self.snaps.append({"stage": plan.name, "time": state.time, "distance": distance})
         self.flow.add(state, state.time - before.time)
         self.state = state
-        if plan.steady and (self.farthest is None or state.control > self.farthest.control):
-            self.farthest = state
+        if plan.steady and (self._farthest is None or state.control > self._farthest.control):
+            self._farthest = state
         self.march.accept(step)
         self.steps += 1
         self._count(plan)
