@@ -73,7 +73,6 @@ ELSEWHERE = {
         "LONG_PATH_STATES",
         "MAX_STATES",
         "WEIGHING_STATES",
-        "WEIGHING_CONTACT",
         "MAX_WEIGHING_STATES",
         "BALANCING_FRICTION",
         "MAX_LAST_STATES",

@@ -340,7 +340,7 @@ MORE: list[tuple[dict[str, Any], str, list[str]]] = [
     (merged(FLAT, stages=[{**PULL, "friction": True}, LAY]), "pulls a slack strip", []),
     (merged(FLAT, stages=[PULL, LAY, {**FREE, "friction": False}]),
      "nothing holds the strip in x in stage last", []),
-    (UNRUBBED, "roller d has bearings, but nothing rubs on it", []),
+    (UNRUBBED, "nothing rubs on the idle roller d: it stands", []),
     (LET_GO_BEFORE, "nothing holds the strip in x in stage slack", []),
     (LOOSE, "nothing says how fast the strip runs in stage start", []),
     (merged(FLAT, stages=[PULL, LAY, {"name": "last", "duration": 1.0,
@@ -536,11 +536,11 @@ STOPS: dict[str, tuple[dict[str, Any], str, list[str]]] = {
         merged(TURNING, contact={"onset": 1e-11}, solver={"tolerance": 1e-4}),
         "Contact sets in over 1e-11 m", [],
     ),
-    "steep_friction": (
+    "stiff_friction": (
         merged(SHORT, friction={"coefficient": 0.3, "speed": 1e-15, "law": "tanh"}),
         "Friction turns round", [],
     ),
-    "steep_friction, steady": (LOOP, "there is a stationary state at the end of the stage", []),
+    "sharp_friction": (LOOP, "there is a stationary state at the end of the stage", []),
     "low_order": (
         merged(SHORT, solver={"order": 2, "tolerance": 1e-6, "max_tangents": 300}),
         "Series of order 2 are short", [],

@@ -362,7 +362,7 @@ WRONG: list[tuple[list[tuple[str, Any]], str, str]] = [
     (
         [("rollers.1.friction", 0.0), ("rollers.1.drive", "torque"),
          ("stages.1.rollers.b", {"torque": -100.0})],
-        "roller b turns, but nothing rubs on it", "rollers.b.friction=0.2",
+        "a torque turns roller b, but nothing rubs on it", "rollers.b.friction=0.2",
     ),
     ([("friction", None)], "roller b turns, but nothing rubs on it", "coefficient=0.2"),
     (

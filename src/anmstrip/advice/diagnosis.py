@@ -508,32 +508,36 @@ def sharp_contact(failure: Failure) -> str | None:
     )
 
 
-def steep_friction(failure: Failure) -> str | None:
-    """Friction turns round within a speed at which the positions have no digits left.
-
-    Or a larger V_c has the end of a steady stage, but friction cannot be as sharp as it is there.
-    """
+def stiff_friction(failure: Failure) -> str | None:
+    """Friction turns round within a speed at which the positions have no digits left."""
     friction, strip = failure.scene.friction, failure.assembly.strip
     law = failure.assembly.law_of_slip(failure.stage)
-    if friction is None or law is None:
+    if not failure.plan.in_time or friction is None or law is None or not failure.state.touched:
         return None
-    key = "speed" if law.speed == friction.speed else "speed_at_rest"
-    if (width := failure.stopped.width) is not None and not law.growth:
-        return (
-            f"Friction turns round within V_c = {law.speed:.2g} m/s, and within "
-            f"{width * law.speed:.2g} m/s there is a stationary state at the end of the stage. "
-            f"Try --set friction.{key}={WIDER_FRICTION * width * law.speed:.2g}"
-        )
     seen = np.finfo(float).eps * strip.length / (USUAL_STEP * failure.plan.duration)
     corner = friction.omega if "omega" in friction.constants else 1.0
+    key = "speed" if law.speed == friction.speed else "speed_at_rest"
     turns = corner * law.speed
-    touches = failure.plan.in_time and failure.state.touched
-    if not (touches and turns < TURNING_SPEEDS * seen):
+    if not turns < TURNING_SPEEDS * seen:
         return None
     return (
         f"Friction turns round within {turns:.2g} m/s, and the last digit of the positions is "
         f"worth {seen:.2g} m/s in a step of time. "
         f"Try --set friction.{key}={TURNING_SPEEDS * seen / corner:.1g}"
+    )
+
+
+def sharp_friction(failure: Failure) -> str | None:
+    """A steady stage whose end was found with a larger V_c, but not with the given one."""
+    width, friction = failure.stopped.width, failure.scene.friction
+    law = failure.assembly.law_of_slip(failure.stage)
+    if width is None or friction is None or law is None or law.growth:
+        return None
+    reached, key = width * law.speed, "speed" if law.speed == friction.speed else "speed_at_rest"
+    return (
+        f"Friction turns round within V_c = {law.speed:.2g} m/s, and within {reached:.2g} m/s "
+        f"there is a stationary state at the end of the stage. "
+        f"Try --set friction.{key}={WIDER_FRICTION * reached:.2g}"
     )
 
 
@@ -579,7 +583,7 @@ def asked_too_much(failure: Failure) -> str:
 
 CAUSES: tuple[Callable[[Failure], str | None], ...] = (
     too_many_steps, too_large, slides_away, turns_through, not_held, squeezed, forewarned,
-    stiff_strip, profiled, slack, round_off, free_motion, sharp_contact, steep_friction,
-    low_order, nothing_grips, coarse, asked_too_much,
+    stiff_strip, profiled, slack, round_off, free_motion, sharp_contact, stiff_friction,
+    sharp_friction, low_order, nothing_grips, coarse, asked_too_much,
 )  # fmt: skip
 """Likely causes, the surest first; the last one always has words."""

@@ -301,18 +301,26 @@ def rollers_without_friction(preview: Preview) -> Iterator[str]:
     for spec in scene.rollers:
         given = [(stage, stage.rollers.get(spec.name)) for stage in scene.stages]
         turning = [stage for stage, c in given if c and (c.surface_speed or c.angular_speed)]
-        rubs, does = coefficient_on(scene, spec), ""
-        cure = "friction.coefficient" if spec.friction is None else f"rollers.{spec.name}.friction"
-        if turning and rubs and not any(s.steady or frictional(s) for s in turning):
-            does, cure = "turns", f"stages.{turning[0].name}.friction=true"
-        elif not rubs and (turning or any(c and c.torque for _, c in given)):
-            does, cure = "turns", f"{cure}=0.2"
-        elif not rubs and spec.bearing:
-            does, cure = "has bearings", f"{cure}=0.2"
-        if does:
+        rubs = coefficient_on(scene, spec)
+        cure = "friction.coefficient=0.2"
+        if spec.friction is not None:
+            cure = f"rollers.{spec.name}.friction=0.2"
+        if turning and not (rubs and any(s.steady or frictional(s) for s in turning)):
+            if rubs:
+                cure = f"stages.{turning[0].name}.friction=true"
             yield (
-                f"roller {spec.name} {does}, but nothing rubs on it, so that it drives nothing and "
-                f"takes nothing. Try --set {cure}"
+                f"roller {spec.name} turns, but nothing rubs on it, so that it drives nothing. "
+                f"Try --set {cure}"
+            )
+        elif scene.friction is not None and not rubs and any(c and c.torque for _, c in given):
+            yield (
+                f"a torque turns roller {spec.name}, but nothing rubs on it, so that it spins and "
+                f"drives nothing. Try --set {cure}"
+            )
+        elif scene.friction is not None and not rubs and spec.drive == "idle" and spec.bearing:
+            yield (
+                f"nothing rubs on the idle roller {spec.name}: it stands, and its bearings take "
+                f"nothing. Try --set {cure}"
             )
 
 

@@ -176,7 +176,8 @@ def solve_by_narrowing(
     tolerance : float
         Imbalance of the state.
     stopped : PathStopped, optional
-        Where the given laws do not lead there; it is told with which ones the state was found.
+        Stop of the path with the given laws, whose ``width`` is set to the least with which the
+        state was found.
     """
     laws = equations.smoother(WIDEST_FRICTION)
     if laws is None:

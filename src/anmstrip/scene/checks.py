@@ -591,16 +591,20 @@ def closed_strip(
     """Yield what an endless strip cannot have: ends, a width that bends, stages in time."""
     if threading is None or not threading.closed:
         return
-    given: dict[str, object] = {f"threading.{name}": getattr(threading, name) for name in ENDS}
-    given |= {f"edges.{name}": "a table" for name in ENDS if name in edges}
-    given |= {key: name for key, name, _ in edge_controls(stages)}
-    given |= {f"stages.{stage.name}.strip.speed": stage.strip.speed for stage in stages}
-    given["material.plasticity"] = None if material.plasticity is None else "a table"
-    for key, value in given.items():
-        if value is not None:
-            expected = "nothing beside threading.closed = true: an endless strip has no ends, "
-            expected += "does not yield, and the strip's speed follows"
-            yield Mistake("", key, value, expected, "take it out")
+    ends: dict[str, object] = {f"threading.{name}": getattr(threading, name) for name in ENDS}
+    ends |= {f"edges.{name}": "a table" for name in ENDS if name in edges}
+    ends |= {key: name for key, name, _ in edge_controls(stages)}
+    speeds = {f"stages.{stage.name}.strip.speed": stage.strip.speed for stage in stages}
+    yields = {"material.plasticity": None if material.plasticity is None else "a table"}
+    reasons: dict[str, Mapping[str, object]] = {
+        "an endless strip has no ends": ends,
+        "the strip's speed follows": speeds,
+        "an endless strip does not yield": yields,
+    }
+    for why, given in reasons.items():
+        for key in (key for key, value in given.items() if value is not None):
+            expected = f"nothing beside threading.closed = true: {why}"
+            yield Mistake("", key, given[key], expected, "take it out")
     if strip.kinematics != "section":
         expected = '"section" beside threading.closed = true'
         yield Mistake("", "strip.kinematics", strip.kinematics, expected, 'kinematics = "section"')
