@@ -325,22 +325,26 @@ def test_a_killed_scheduler(tmp_path: Path) -> None:
     The worker stands still from then on, so that it cannot finish before, on any machine.
     """
     program = Path(sys.executable).with_name("dask")
-    log = (tmp_path / "log").open("w")
+    log, where = (tmp_path / "log").open("w"), tmp_path / "scheduler.json"
+    where.touch()
     out, options = tmp_path / "out", [o for text in COARSE for o in ("--set", text)]
     typed_before = [CAPSTAN, "-o", out, "--vary", "friction.coefficient=0.1:0.4:6", *options]
     given = {"stdout": log, "stderr": log}
     server = subprocess.Popen(
         [program, "scheduler", "--port", "0", "--dashboard-address", ":0",
-         "--scheduler-file", tmp_path / "file"], **given,
+         "--scheduler-file", where], **given,
     )  # fmt: skip
-    worker = subprocess.Popen(
-        [program, "worker", "--no-nanny", "--nthreads", "1",
-         "--scheduler-file", tmp_path / "file"], **given,
-    )  # fmt: skip
+    processes = [server]
     try:
-        while not (tmp_path / "file").exists():
+        # The scheduler opens its file before it writes into it.
+        while not where.read_text().endswith("\n}"):
             time.sleep(0.1)
-        address = json.loads((tmp_path / "file").read_text())["address"]
+            assert server.poll() is None
+        address = json.loads(where.read_text())["address"]
+        worker = subprocess.Popen(
+            [program, "worker", "--no-nanny", "--nthreads", "1", address], **given
+        )
+        processes.append(worker)
         command = [sys.executable, "-m", "anmstrip.cli", "sweep", *map(str, typed_before)]
         sweep = subprocess.Popen(
             [*command, "--scheduler", address], stdout=-1, stderr=-1, text=True
@@ -353,7 +357,7 @@ def test_a_killed_scheduler(tmp_path: Path) -> None:
         server.kill()
         told, errors = sweep.communicate(timeout=120)
     finally:
-        for process in (server, worker):
+        for process in processes:
             process.kill()
             process.wait()
         log.close()
