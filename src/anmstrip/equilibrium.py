@@ -515,8 +515,10 @@ class Motion:
         start, zero = self.supports.full(about, begin), np.zeros_like(about)
         change = self.supports.full(zero, begin + share) - self.supports.full(zero, begin)
         supports = Supports(self.supports.free, start, change)
-        slope = {name: share * rate for name, rate in self.controls.slope.items()}
-        values = self.controls.at(begin)
+        values, slope = self.controls.at(begin), dict[str, Any]()
+        for name in self.controls.slope:  # over the step, at whose end alone velocities count
+            rates = (self.controls.rate(name, at) for at in (begin, begin + share))
+            slope[name] = 0.5 * share * sum(rates)
         if t == self.start:
             slope |= {name: values[name] - old for name, old in self.before.items() if h > 0.0}
             values |= self.before
@@ -638,7 +640,7 @@ class StageProblem:
             return False
         names = {*self.controls.slope, *past.controls.slope}
         return all(
-            np.allclose(self.rate(name), past.rate(name), rtol=1e-9, atol=0.0)
+            np.allclose(self.rate(name), past.rate(name, 1.0), rtol=1e-9, atol=0.0)
             for name in names
             if smoothly or not name.endswith((".surface_speed", ".passing"))
         )
@@ -675,9 +677,9 @@ class StageProblem:
                 shares.add(float((abs(start) - slow) / abs(slope)))
         return [self.start + share * self.duration for share in sorted(shares)]
 
-    def rate(self, name: str) -> Any:
-        """Rate of a control (its unit per s), 0 if it stands still."""
-        return self.controls.rate(name) / self.duration
+    def rate(self, name: str, control: float = 0.0) -> Any:
+        """Rate of a control at λ (its unit per s), 0 if it stands still."""
+        return self.controls.rate(name, control) / self.duration
 
     def moving(self, control: float) -> Array:
         """Velocities of what is held (m/s), zero elsewhere, shape (unknowns,)."""

@@ -806,7 +806,8 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
     """Driven rollers of which some must slip or brake, since their surfaces go at other speeds.
 
     Not those between which strip stretches as much, by less tension than they hold, or yields, nor
-    where runs take strip up, or give it off, as rollers move: at most twice as fast as they.
+    where runs take strip up, or give it off, as rollers move: at most twice as fast as they, or as
+    nips push it into them.
     """
     assembly = preview.assembly
     touched = [roller for roller in assembly.driven if preview.turn(roller) > 0.0]
@@ -830,7 +831,7 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
         for name, told in others.items():
             speed, given = last.get(name, 0.0), last[fast]
             draw = (abs(speed - given) - taken) / abs(given)
-            if draw > max(SPEED_DIFFERENCE, held):
+            if draw > max(SPEED_DIFFERENCE, held) and not gathers(assembly, stage, name, fast):
                 how = f"goes at {speed:g} m/s" if speed else "stands"
                 order = [r.name for r in touched]  # along the strip
                 piles = order.index(fast) < order.index(name) and distributed_load(assembly.scene)
@@ -842,6 +843,16 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
                     f"{typed_speed(assembly, stage, told, given)}"
                 )
                 return
+
+
+def gathers(assembly: Assembly, stage: StageSpec, *names: str) -> bool:
+    """Whether nips push strip into a run between two rollers, or draw it out, in a stage."""
+    if (thread := assembly.thread) is None:
+        return False
+    order = [roller.name for roller in thread.rollers]
+    first, last = sorted(order.index(name) + 1 for name in names)
+    held, bent = assembly.layout.gathered_in(stage)
+    return bool(np.any((held + abs(bent))[first:last]))
 
 
 def typed_speed(assembly: Assembly, stage: StageSpec, roller: Roller, speed: float) -> str:

@@ -654,7 +654,9 @@ class Halved(Assembly):
             values[key] = self.prolonged(field)[: self.strip.unknowns]
         course = Course(self, released=set(released))
         course.values = {**values, **course.values}
-        values |= course.growing(values) | course.uneven_pull(stage, values)
+        values |= course.uneven_pull(stage, values)
+        if self.growth is not None:
+            values |= course.growing(values["strip.held"], values["strip.taking_up"])
         plan = course.plan(stage, {}, start)
         supports = replace(plan.supports, start=start, slope=np.zeros_like(start), bow=None)
         return replace(plan, supports=supports, controls=Controls(values))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from io import StringIO
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -109,6 +110,7 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
             "The mesh follows rollers that move, and stays on them where loads or heat lengthen "
             "the strip: the runs between them take strip up, or give it off."
         )
+        yield from gathered_lines(assembly)
     yield effect_table(preview)
     if (bent := scene.strip.imperfection) is not None:
         words = f"by mode {bent.mode} of buckling at the end of stage {scene.course[0].name}"
@@ -127,7 +129,8 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
     if scene.contact is not None and scene.rollers:
         law, given = assembly.signorini, scene.contact.constants or scene.contact.onset
         resolved = "" if given else ", as the mesh resolves"
-        yield f"Contact: {law.words}, setting in over {law.width:.3g} m{resolved}."
+        faces = ", on the faces of the strip" if assembly.faces else ""
+        yield f"Contact{faces}: {law.words}, setting in over {law.width:.3g} m{resolved}."
     yield from rate_lines(scene, assembly)
     scales = assembly.scales
     yield (
@@ -142,6 +145,16 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
         yield f"Before larger forces act, relative to {lighter}."
     yield from unusual(scene)
     yield from (f"Warning: {line}" for line in warnings(preview))
+
+
+def gathered_lines(assembly: Assembly) -> Iterator[str]:
+    """Yield what nips have pushed into each run by the end of stages."""
+    assert assembly.thread is not None
+    stages = [(s.name, assembly.layout.gathered_in(s)[0]) for s in assembly.scene.stages]
+    for run, (first, last) in enumerate(pairwise(assembly.thread.rollers), 1):
+        if any(held[run] for _, held in stages):
+            told = ", ".join(f"{held[run]:.3g} m by the end of {name}" for name, held in stages)
+            yield f"Between the nips {first.name} and {last.name} strip gathers: {told}."
 
 
 def size_words(assembly: Assembly) -> str:

@@ -238,21 +238,32 @@ class LoadEffect(Effect):
 
 @dataclass(frozen=True)
 class Controls:
-    """Given quantities, linear in λ: value(λ) = start + λ slope."""
+    """Given quantities: value(λ) = start + λ slope, and few of them + λ² curve.
+
+    What has a curve has a slope.
+    """
 
     start: Mapping[str, Array]
     slope: Mapping[str, Array] = field(default_factory=dict)
+    curve: Mapping[str, Array] = field(default_factory=dict)
+
+    def value(self, name: str, control: Any) -> Any:
+        """One of them at λ, a number or a series; what does not change stays an array."""
+        value = self.start[name]
+        if name in self.slope:
+            value = value + control * self.slope[name]
+        if name in self.curve:
+            value = value + control * control * self.curve[name]
+        return value
 
     def at(self, control: Any) -> dict[str, Any]:
-        """Values at λ, a number or a series; what does not change stays an array."""
-        return {
-            name: value + control * self.slope[name] if name in self.slope else value
-            for name, value in self.start.items()
-        }
+        """All of them at λ."""
+        return {name: self.value(name, control) for name in self.start}
 
-    def rate(self, name: str) -> Array | float:
+    def rate(self, name: str, control: float = 0.0) -> Array | float:
         """Derivative of one control with respect to λ."""
-        return self.slope.get(name, 0.0)
+        slope = self.slope.get(name, 0.0)
+        return slope + 2.0 * control * self.curve[name] if name in self.curve else slope
 
 
 class AskedControls(Mapping[str, Any]):
@@ -339,8 +350,7 @@ class RecordedLaw:
 
     def values(self, controls: Controls, control: float) -> list[Any]:
         """Return the values at λ of the controls that are inputs."""
-        start, rate = controls.start, controls.rate
-        return [start[name] + control * rate(name) for name in self.asked.moving]
+        return [controls.value(name, control) for name in self.asked.moving]
 
     def at_points(self, u: Array, controls: Values) -> Array:
         """Return the law of displacements, or their functions, at the points, (rows, points)."""
@@ -459,7 +469,7 @@ class LawSeries(EffectSeries):
         self.operator, moving = law.effect.operator, law.asked.moving
         kinematic = [self.operator.apply(x) for x in motions_of(law.effect, state)]
         self.in_rate = len(kinematic) > 1
-        self.slopes = [controls.slope.get(name) for name in moving]
+        self.slopes = [controls.rate(name, state[2]) for name in moving]
         values = controls.at(state[2])
         self.orders = law.program.start(*kinematic, *(values[name] for name in moving), order=order)
         self.shape = kinematic[0].shape
@@ -470,7 +480,7 @@ class LawSeries(EffectSeries):
         if self.in_rate:
             found.append(None if v is None else self.operator.apply(v))
         return found + [
-            control * slope if control and slope is not None else None for slope in self.slopes
+            control * slope if control and np.any(slope) else None for slope in self.slopes
         ]
 
     def residual(self) -> Array:
@@ -509,7 +519,7 @@ class CompiledSeries(EffectSeries):
         self.effect: LawEffect = law.effect
         self.operator = law.effect.operator
         self.laws, self.law, program = law.laws, law.compiled, law.program
-        self.slopes = [controls.rate(name) for name in law.asked.moving]
+        self.slopes = [controls.rate(name, state[2]) for name in law.asked.moving]
         self.w = np.empty((program.blocks, program.kept, max(order, 1) + 1, program.lanes))
         self.at = self.w.ctypes.data, self.w.shape[2]
         self.law.move(law.values(controls, state[2]), self.law.given)

@@ -414,8 +414,9 @@ class ContactSpec(Table):
     """gap over which contact sets in, a number above 0 (m)"""
     pressure: Positive | None = Field(None, examples=["2.0e4"])
     """pressure under which the strip lies on the surface, a number above 0 (Pa)"""
-    faces: StrictBool = Field(False, examples=["true"])
-    """whether rollers touch the faces of the strip or its mid-surface (true or false)"""
+    faces: StrictBool | None = Field(None, examples=["true"])
+    """whether rollers touch the faces of the strip or its mid-surface; left out: its faces where
+    rollers are drawn with its thickness between them, or down to half of it (true or false)"""
 
     @property
     def constants(self) -> tuple[float, float, float] | None:

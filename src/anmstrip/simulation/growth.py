@@ -106,6 +106,7 @@ class Growth:
         before: Array,
         loads: Loads | None = None,
         temperature: FieldSpec | None = None,
+        gathered: Array | float = 0.0,
     ) -> Array:
         """Shares of the shapes, (shapes,): of runs the strip (m) that they hold besides.
 
@@ -119,16 +120,23 @@ class Growth:
             By which runs hang.
         temperature : FieldSpec, optional
             That the strip comes to (K); without, or of another scene, it stays.
+        gathered : ndarray, shape (runs,), optional
+            Unstressed strip (m) that nips have pushed into runs.
         """
         runs = len(self.thread.rollers) + 1
         warm = before[runs:]
         if temperature in self.temperatures:
             warm = np.array([float(each == temperature) for each in self.temperatures])
         heat = self.shapes[:, runs:] @ warm
-        return np.append(self._of_runs(centres, before[:runs], loads, heat), warm)
+        return np.append(self._of_runs(centres, before[:runs], loads, heat, gathered), warm)
 
     def _of_runs(
-        self, centres: Mapping[str, Array], before: Array, loads: Loads | None, heat: Array
+        self,
+        centres: Mapping[str, Array],
+        before: Array,
+        loads: Loads | None,
+        heat: Array,
+        gathered: Array | float,
     ) -> Array:
         """Unstressed strip (m) that runs hold beyond that of the beginning, (n + 1,)."""
         thread, shapes = self.thread, self.shapes[:, : len(before)]
@@ -140,6 +148,7 @@ class Growth:
             if loads is not None:
                 longer += taken_up(now, loads, runs)
             longer /= thread.stretches.along[0]  # fed: uniform
+            longer += gathered
             longer *= 1.0 + trapezoid(shapes.T * heat, self.x)
             peaks, least = shapes.max(axis=0), MIN_GROWTH - 1.0 - min(0.0, float(heat.min()))
             bounded = np.clip(peaks * longer, least, MAX_GROWTH - 1.0)

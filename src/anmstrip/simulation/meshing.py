@@ -20,7 +20,7 @@ from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError, supported_catenary
 from anmstrip.scene.checks import PARALLEL_COSINE
 from anmstrip.scene.schema import SceneSpec
-from anmstrip.scene.tables import ENDS, RollerControl, StageSpec
+from anmstrip.scene.tables import ENDS, THREADING, RollerControl, StageSpec
 from anmstrip.simulation.defaults import (
     EdgeCurl,
     bending_stiffness,
@@ -64,6 +64,12 @@ over a roller is within 0.1 % of that on an evenly fine mesh, with 0.3 within 0.
 MIN_NODE_DISTANCE = 0.01
 """Least distance of two marks that become nodes, in elements.  With 0.5, which joins both ends of
 the arcs of a leveller, the curl behind it is wrong by 5 %."""
+
+LOOP_STRETCH = 0.01
+"""Share of T/(E t) by which an element that bends along a loop may be stretched.
+
+4.55 m of strip between nips 4 m apart bear 105.8 N/m at the bottom with it, as heavy elastica do,
+and 0.4 N/m on straight runs of elements, of which meshes twice as fine find no such state."""
 
 ARC_ELEMENT = 0.05
 """Longest element inside an arc, over the radius.  The tension of a strip that
@@ -336,6 +342,7 @@ class Layout:
             zones += [Zone(float(lo), float(hi), size) for lo, hi in zip(first, last, strict=True)]
             arc = min(2.0 * size, max(size, ARC_ELEMENT * roller.radius))
             zones.append(Zone(float(lifts.min()), float(lifts.max()), arc))
+        zones += self._loops()
         ends = curved_ends(scene)
         if ends and (layer := boundary_layer(scene)):
             size = scene.strip.element_length or 0.5 * LAYER_SHARE * layer
@@ -346,6 +353,30 @@ class Layout:
             sides = {"entry": Zone(-self.half, near, size), "exit": Zone(-near, self.half, size)}
             zones += [sides[name] for name in ends]
         return zones
+
+    def _loops(self) -> Iterator[Zone]:
+        """Runs that hang through, at their least tension in a stage.
+
+        An element of length h along a curvature κ is stretched by (κ h)⁴/720, as a cubic is, which
+        is a share of T/(E t); κ = w/T.
+        """
+        thread, scene = self.thread, self.scene
+        if thread is None or not any(stage.gravity for stage in scene.stages):
+            return
+        spans = np.diff([-self.half, *np.ravel([*thread.arcs.values()]), self.half])[::2]
+        begins = [-self.half, *(last for _, last in thread.arcs.values())]
+        sizes = np.full(len(begins), np.inf)
+        for stage, loads in zip(scene.stages, loads_in_stages(scene), strict=True):
+            if loads.weight <= 0.0:
+                continue
+            pulls = pulls_of_runs(thread, loads) * np.cos(hanging_runs(thread, loads)[:, 2])
+            sags = np.sqrt(0.375 * spans * self.gathered[stage.name][0])
+            loops = np.divide(loads.weight * spans**2, 8.0 * sags, out=pulls, where=sags > 0.0)
+            loose = np.maximum(loops, 0.125 * loads.weight * spans)
+            strain = 720.0 * LOOP_STRETCH * loose / loads.stiffness
+            sizes = np.minimum(sizes, strain**0.25 * loose / loads.weight)
+        for begin, span, size in zip(begins, spans, sizes, strict=True):
+            yield Zone(float(begin), float(begin + span), float(size))
 
     def chosen(self, cells: tuple[int, int]) -> Array:
         """Coordinates of nodes with the number of elements of ``strip.cells``, and finer ones."""
@@ -518,6 +549,45 @@ class Layout:
         """Names of rollers that nip the strip in any stage."""
         return {name for nips in self.nips for nip in nips for name in nip.names}
 
+    def gathered_in(self, stage: StageSpec) -> tuple[Array, Array]:
+        """Unstressed strip (m) that nips have pushed into runs by a stage's end, (rollers + 1,).
+
+        And the part of what comes in the stage that grows with the square of time.  One of a map
+        keeps what there is.
+        """
+        *_, (last, _) = self.gathered.values()
+        return self.gathered.get(stage.name, (last, 0.0 * last))
+
+    @cached_property
+    def gathered(self) -> dict[str, tuple[Array, Array]]:
+        """Stage → what ``gathered_in`` returns.
+
+        Of neighbouring nips the first brings ∫ V dt and the second takes ∫ V' dt away, at speeds
+        that are linear in time.  A run cannot give off more than it was given.
+        """
+        names = [roller.name for roller in self.thread.rollers] if self.thread else []
+        speeds = {spec.name: 0.0 for spec in self.scene.rollers if spec.drive == "speed"}
+        held, opened = np.zeros(len(names) + 1), open_stages(self.scene)
+        found = {THREADING: (held, held)}
+        for stage, nips in zip(self.scene.stages, self.nips[1:], strict=True):
+            before, held, bent = dict(speeds), held.copy(), 0.0 * held
+            given = {r.name: surface_speed(stage.rollers.get(r.name), r) for r in self.rollers}
+            speeds |= {key: v for key, v in given.items() if key in speeds and v is not None}
+            pairs = [pair for nip in nips for pair in (nip.names, nip.names[::-1])]
+            brought = {
+                one: np.array([before[drive], speeds[drive]])
+                for one, other in pairs
+                for drive in (other, one)
+                if drive in speeds
+            }
+            for run, (first, second) in enumerate(pairwise(names), 1):
+                if {first, second} <= brought.keys() and stage in opened and not stage.steady:
+                    begun, ended = 0.5 * stage.duration * (brought[first] - brought[second])
+                    held[run] = max(0.0, held[run] + begun + ended)
+                    bent[run] = (ended - begun) * (held[run] > 0.0)
+            found[stage.name] = held, bent
+        return found
+
     @cached_property
     def pressed(self) -> list[LooseRoller]:
         """Rollers without a wrap that moves press into fed strip, in any stage; nips do not."""
@@ -573,12 +643,16 @@ class Layout:
         """Whether labels of a fed strip follow their rollers or stay on them.
 
         They follow rollers that move, also as others are pressed into the strip, and stay where
-        weight, tension or heat lengthens it.
+        weight, tension or heat lengthens it, or strip gathers between nips.
         """
         scene, thread, passes = self.scene, self.thread, open_stages(self.scene)
         if thread is None or not passes:
             return False
-        if follows_rollers(scene) or self.pressed:
+        if (
+            follows_rollers(scene)
+            or self.pressed
+            or any(np.any(held) for held, _ in self.gathered.values())
+        ):
             return True
         places = np.linspace(0.0, thread.length, HEAT_PLACES)
         layer, turns = boundary_layer(scene), np.abs(thread.middle.arcs.turn[:, 0])

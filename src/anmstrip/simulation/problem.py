@@ -286,7 +286,7 @@ class Assembly:
     @cached_property
     def rollers(self) -> tuple[Roller, ...]:
         """Geometry of the rollers; those of a threaded strip carry it at positive speeds."""
-        rollers = rollers_of(self.scene, self.origin)
+        rollers = rollers_of(self.scene, self.origin, self.faces)
         if self.thread is None:
             return rollers
         return tuple(replace(r, sense=carrying_sense(r, self.thread)) for r in rollers)
@@ -327,11 +327,28 @@ class Assembly:
         return found
 
     @cached_property
+    def faces(self) -> bool:
+        """Whether rollers touch the faces of the strip: as typed, or as those of nips are drawn.
+
+        Two that leave half of its thickness or more between them do not touch its mid-surface.
+        """
+        scene, contact = self.scene, self.scene.contact
+        if contact is None or contact.faces is not None or len(scene.rollers) < 2:
+            return contact is not None and bool(contact.faces)
+        rollers = rollers_of(scene, self.origin, False)
+        layout = Layout(scene, rollers, self._thread(rollers))
+        room = 0.5 * scene.strip.thickness
+        return any(nip.gap >= room for nips in layout.nips for nip in nips)
+
+    @cached_property
     def thread(self) -> Thread | None:
         """Path of a threaded strip around its rollers."""
+        return self._thread(rollers_of(self.scene, self.origin, self.faces))
+
+    def _thread(self, rollers: Sequence[Roller]) -> Thread | None:
+        """Return the same around rollers that touch its faces or not."""
         if self.scene.threading is None:
             return None
-        rollers = rollers_of(self.scene, self.origin)
         length = self.scene.strip.length
         if self.scene.strip.mesh is not None:
             length = float(np.ptp(self.mesh_of_file.p[0]))
@@ -1070,9 +1087,8 @@ def local_origin(points: Array) -> Array:
     return np.asarray(step * np.round(middle / step) + 0.0)
 
 
-def rollers_of(scene: SceneSpec, origin: Array) -> tuple[Roller, ...]:
-    """Return the geometry of all rollers of a scene, from a local origin, shape (3,)."""
-    faces = scene.contact is not None and scene.contact.faces
+def rollers_of(scene: SceneSpec, origin: Array, faces: bool) -> tuple[Roller, ...]:
+    """Return rollers of a scene, which touch faces or not, from a local origin, shape (3,)."""
     half = 0.5 * scene.strip.thickness if faces else 0.0
     return tuple(roller_of(spec, origin, half) for spec in scene.rollers)
 

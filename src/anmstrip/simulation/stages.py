@@ -141,14 +141,8 @@ class Course:
         for roller in self.assembly.rollers:
             key = f"rollers.{roller.name}"
             start[f"{key}.velocity"] = slope.get(f"{key}.centre", np.zeros(3)) / stage.duration
-        if self.assembly.growth is not None:
-            held = start["strip.held"]
-            taken = 0.0 * held if stage.steady else slope.get("strip.held", 0.0 * held)
-            start["strip.taking_up"] = taken / stage.duration
-            start |= self.growing(start)
-            if "strip.held" in slope:
-                ended = self.growing(start | {"strip.held": held + slope["strip.held"]})
-                slope["strip.growth"] = ended["strip.growth"] - start["strip.growth"]
+        follows = self.assembly.growth is not None
+        curve = self._take_up(stage, start, slope) if follows else {}
         effects = self.assembly.effects(stage, start)
         self.assembly.check_added(stage, start)
         a, pull = self.assembly, self._pull(full) if self.pulled(stage) else None
@@ -171,7 +165,7 @@ class Course:
             duration=stage.duration,
             model=Model(a.strip, a.pattern, effects, *given),
             supports=self.supports(stage, full),
-            controls=Controls(start, slope),
+            controls=Controls(start, slope, curve),
             in_time=a.frictional(stage),
             steady=stage.steady,
             fed=self.fed(stage),
@@ -196,25 +190,43 @@ class Course:
                 found[f"{name}.slack"] = -excess.min(keepdims=True)
         return found
 
-    def growing(self, values: Mapping[str, Array]) -> dict[str, Array]:
-        """The stretch g that labels hold, and the speed (m/s) that this adds to what passes them.
+    def _take_up(
+        self, stage: StageSpec, start: dict[str, Array], slope: dict[str, Array]
+    ) -> dict[str, Array]:
+        """Add controls of the strip that runs take up, and return their curves.
 
-        At the quadrature points, ``strip.growth`` and ``strip.drift``, at ends and at rollers;
-        nothing unless labels follow rollers that move.
-
-        Parameters
-        ----------
-        values : mapping
-            ``strip.held`` (m) of the runs, and ``strip.taking_up`` (m/s), its rate.
+        In time these are quadratic where nips push strip into runs at speeds that change.
         """
-        a = self.assembly
-        if (growth := a.growth) is None:
-            return {}
-        x, rates = quadrature_points(a.strip)[0], values["strip.taking_up"]
+        held, bent = start["strip.held"], 0.0 * start["strip.held"]
+        change, rates, curve = slope.get("strip.held", bent), (bent, bent), dict[str, Array]()
+        if not stage.steady:
+            _, gathered = self.assembly.layout.gathered_in(stage)
+            bent[: len(gathered)] = gathered
+            rates = (change - bent) / stage.duration, (change + bent) / stage.duration
+        begun, ended = self.growing(held, rates[0]), self.growing(held + change, rates[1])
+        if bent.any():
+            curve["strip.held"] = bent
+            curve["strip.growth"] = self.growing(bent, bent)["strip.growth"] - 1.0
+        steeper = {key: ended[key] - begun[key] - curve.get(key, 0.0) for key in begun}
+        start |= begun
+        slope |= {key: each for key, each in steeper.items() if np.any(each)}
+        return curve
+
+    def growing(self, held: Array, rates: Array) -> dict[str, Array]:
+        """Controls where runs hold so much more strip (m), which changes at rates (m/s).
+
+        The stretch g that labels hold, ``strip.growth``, at the quadrature points, and the speed
+        (m/s) that this adds to what passes them, ``strip.drift``; that at ends and at rollers.
+        """
+        growth, a = self.assembly.growth, self.assembly
+        assert growth is not None
+        x = quadrature_points(a.strip)[0]
         whole = growth.up_to(growth.x[-1:], rates)[0]
         last = whole if self.passing[0] == "exit" else 0.0
         found = {
-            "strip.growth": growth.at(x, values["strip.held"]),
+            "strip.held": held,
+            "strip.taking_up": rates,
+            "strip.growth": growth.at(x, held),
             "strip.drift": last - growth.up_to(x, rates),
             "entry.drift": np.array(last),
             "exit.drift": np.array(last - whole),
@@ -428,7 +440,8 @@ class Course:
         if (growth := self.assembly.growth) is not None and not all(held):
             centres = {r.name: end[f"rollers.{r.name}.centre"] for r in growth.rollers}
             given = self.assembly.loads_of(stage), stage.strip.temperature
-            end["strip.held"] = growth.held(centres, start["strip.held"], *given)
+            gathered, _ = self.assembly.layout.gathered_in(stage)
+            end["strip.held"] = growth.held(centres, start["strip.held"], *given, gathered)
         return end
 
     def _held(self, stage: StageSpec | None = None) -> dict[str, tuple[str, ...]]:
