@@ -380,6 +380,17 @@ def test_the_force_of_a_nip_does_not_go_with_finer() -> None:
     assert forces[:2] == pytest.approx([forces[2]] * 2, rel=0.01)
 
 
+@pytest.mark.parametrize("kinematics", ["section", "shell"])
+def test_the_force_of_a_nip_does_not_go_with_its_place_among_the_nodes(kinematics: str) -> None:
+    """Of a shell it was 87 to 162 N: a nip of two pinch rolls lost its grip as labels moved."""
+    forces = []
+    for at in np.linspace(0.0, 0.02, 7):
+        assembly = Assembly(pinch(3e-5, float(at), f'strip.kinematics="{kinematics}"'))
+        *_, (nip,) = assembly.layout.nips
+        forces.append(nip_force(assembly, nip, nip.squeeze))
+    assert forces == pytest.approx([forces[0]] * len(forces), rel=1e-3)
+
+
 def test_what_a_run_has_found_is_not_told_to_run_away(tmp_path: Path) -> None:
     """Thin strip that leaves a nip at 17 degrees presses eight times as hard as straight strip."""
     text = """

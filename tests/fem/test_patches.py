@@ -14,9 +14,9 @@ STRIPS = {
     "line": Strip(line(XS), 1e-3, STEEL, SECTION),
 }
 LOCAL = {
-    "quad": unit_grid(3),
+    "quad": unit_grid(3, 3),
     "triangle": np.array([[0.0, 0.5, 1.0, 0.0, 0.5, 0.0], [0.0, 0.0, 0.0, 0.5, 0.5, 1.0]]),
-    "line": unit_grid(3, 1),
+    "line": unit_grid(3),
 }
 COUNTS = {"quad": 7 * 5, "triangle": 7 * 5, "line": 7}
 

@@ -9,6 +9,7 @@ from functools import cached_property, lru_cache
 from typing import Any, Self, TypeVar
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import SuperLU, splu
 from skfem.element import DiscreteField
@@ -41,10 +42,10 @@ def patches(strip: Strip, local: Array) -> Patches:
     return Patches(cells, strip.in_space(points), functions)
 
 
-def unit_grid(n: int, dimensions: int = 2) -> Array:
-    """Grid of the unit interval or square, number i + n j, shape (dimensions, n^dimensions)."""
-    steps = np.linspace(0.0, 1.0, n)
-    return np.stack([x.ravel() for x in np.meshgrid(*dimensions * [steps])])
+def unit_grid(*counts: int) -> Array:
+    """Grid of the unit interval or square, number i + n j, shape (dimensions, points)."""
+    steps = (np.linspace(0.0, 1.0, n) for n in counts)
+    return np.stack([x.ravel() for x in np.meshgrid(*steps)])
 
 
 def join_points(grid: Array, strip: Strip) -> tuple[Index, Array]:
@@ -69,36 +70,32 @@ def join_points(grid: Array, strip: Strip) -> tuple[Index, Array]:
 
 SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
 
-POINT_WEIGHTS = {
-    "line": SIMPSON,
-    "quad": np.outer(SIMPSON, SIMPSON).ravel(),
-    "triangle": np.repeat([1 / 90, 16 / 225, 81 / 320, 49**2 / 14400], [3, 3, 1, 3]),
-}
-"""Weights of an element's contact points, as shares of its area.
-
-Positive, and exact for the element's own functions, so that a uniform pressure
-is carried without bending: cubics in each coordinate, quintics on triangles.
-"""
-
-
-SQUARE = np.arange(9).reshape(3, 3)
-
-POINT_LINES = {
-    "quad": np.concatenate([SQUARE, SQUARE.T]),
-    "triangle": np.array([[0, 3, 1], [1, 4, 2], [0, 5, 2]]),
-}
-"""Lines of three contact points on an element, on squares both ways."""
+TRIANGLE = np.repeat([1 / 90, 16 / 225, 81 / 320, 49**2 / 14400], [3, 3, 1, 3])
 
 
 def contact_shares(strip: Strip) -> Array:
-    """Return the weights of an element's contact points, see :data:`POINT_WEIGHTS`."""
-    shares, parts = POINT_WEIGHTS[shape_of(strip)], strip.contact_parts
-    if parts == 1:
-        return shares
-    found = np.zeros(1 + 2 * parts)
+    """Return the weights of an element's contact points, as shares of its area.
+
+    Positive, and exact for the element's own functions, so that a uniform pressure is carried
+    without bending: cubics in each coordinate, quintics on triangles.
+    """
+    kind, parts = shape_of(strip), strip.contact_parts
+    if kind == "triangle":
+        return TRIANGLE
+    along = np.zeros(1 + 2 * parts)
     for part in range(parts):
-        found[2 * part : 2 * part + 3] += shares / parts
-    return found
+        along[2 * part : 2 * part + 3] += SIMPSON / parts
+    return along if kind == "line" else np.outer(along, SIMPSON).ravel()
+
+
+def contact_lines(strip: Strip) -> Index:
+    """Lines of three contact points on an element, on quadrilaterals both ways, (lines, 3)."""
+    kind, count = shape_of(strip), 1 + 2 * strip.contact_parts
+    if kind == "triangle":
+        return np.array([[0, 3, 1], [1, 4, 2], [0, 5, 2]])
+    numbers = np.arange(count if kind == "line" else 3 * count).reshape(count, -1)
+    along = sliding_window_view(numbers.T, 3, axis=1)[:, ::2].reshape(-1, 3)
+    return along if kind == "line" else np.concatenate([numbers, along])
 
 
 CACHE_SIZE = 4
@@ -157,8 +154,7 @@ class ContactOperator(LinearOperator):
         self.table: Array = np.stack([np.asarray(f) for f in patch.functions], axis=-1)
         self.functions = patch.functions
         self.shares = strip.areas[:, None] * contact_shares(strip)
-        firsts = 2 * np.arange(strip.contact_parts)[:, None]
-        self.lines: Index = POINT_LINES.get(shape_of(strip), firsts + np.arange(3))
+        self.lines = contact_lines(strip)
         self.weights: Array = np.bincount(self.cells.ravel(), self.shares.ravel()).astype(float)
         self.points = len(self.weights)
         self.matrix = self._at_points(strip, self.table)
@@ -297,12 +293,13 @@ class SlopeOperator(ContactOperator):
 def contact_points(strip: Strip) -> Array:
     """Contact points of the reference element, (dimensions, points).
 
-    Nodes, middles of sides and centre, of each of the equal parts of an element of a section; on
-    triangles also the three points with the barycentric coordinates 1/7, 1/7, 5/7.
+    Nodes, middles of sides and centre, of each of the equal parts along an element; on triangles
+    also the three points with the barycentric coordinates 1/7, 1/7, 5/7.
     """
     kind = shape_of(strip)
     if kind != "triangle":
-        return unit_grid(1 + 2 * strip.contact_parts, 1 if kind == "line" else 2)
+        across = [] if kind == "line" else [3]  # the first side of an element is along y
+        return unit_grid(*across, 1 + 2 * strip.contact_parts)
     nodes = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     middles = [[0.5, 0.5, 0.0], [0.0, 0.5, 0.5]]
     inner = [[1 / 3, 1 / 7, 5 / 7, 1 / 7], [1 / 3, 1 / 7, 1 / 7, 5 / 7]]

@@ -23,7 +23,7 @@ from anmstrip.mechanics.shell import eigencurvature, moduli
 from anmstrip.results.strip_state import StripState, stations
 from anmstrip.results.vtk import FIELDS, TRIANGLE_LATTICE, facing
 
-OUTPUT_POINTS = {"line": unit_grid(4, 1), "quad": unit_grid(4), "triangle": TRIANGLE_LATTICE / 5}
+OUTPUT_POINTS = {"line": unit_grid(4), "quad": unit_grid(4, 4), "triangle": TRIANGLE_LATTICE / 5}
 """Points of the output on each kind of element: cubic patches, quintic triangles."""
 
 
@@ -128,9 +128,11 @@ class FieldSampler:
             from scipy.interpolate import LinearNDInterpolator
 
             return np.asarray(LinearNDInterpolator(nodes.T, np.eye(nodes.shape[1]))(points.T))
-        known, at = np.unique(nodes[0]), np.unique(points[0])
-        along = np.transpose([np.interp(at, known, row) for row in np.eye(len(known))])
-        return along if self.kind == "line" else np.kron(along, along)
+        found = np.ones((1, 1))
+        for known, at in zip(map(np.unique, nodes), map(np.unique, points), strict=True):
+            hats = np.transpose([np.interp(at, known, row) for row in np.eye(len(known))])
+            found = np.kron(hats, found)  # the first coordinate runs fastest
+        return found
 
     def contact_fields(self, state: StripState) -> dict[str, Array]:
         """Sums over the rollers of what they do; gap and slip of the nearest one."""

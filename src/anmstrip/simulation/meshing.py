@@ -439,24 +439,25 @@ class Layout:
 
     @property
     def contact_parts(self) -> int:
-        """Number of parts with contact points of their own that an element of a section has.
+        """Number of parts along with contact points of their own that an element has.
 
-        As many as bear on a roller no deeper than asked for between two points of contact, see
-        :attr:`deepest_bearing`: stiff strip bends little within an element, whose load on a roller
-        must be known all the same.  So must its moment about the roller's axis, which is none,
-        where strip yields along the line on which it touches.
+        Of a section as many as bear on a roller no deeper than asked for between two points of
+        contact, see :attr:`deepest_bearing`: stiff strip bends little within an element, whose load
+        on a roller must be known all the same.  So must its moment about the roller's axis, which
+        is none, where strip yields along the line on which it touches, and the force of a nip.
         """
         spec = self.scene.strip
         typed = spec.cells is not None or spec.element_length is not None
-        if spec.kinematics != "section" or spec.mesh is not None or typed:
+        if spec.mesh is not None or typed:
             return 1
-        depths = zip(self.deepest_bearing, self.rollers, strict=True)
-        asked = (4.0 * np.sqrt(2.0 * d * r.radius) for d, r in depths)
-        parts = max((h / a for h, a in zip(self.wanted_sizes, asked, strict=True)), default=1.0)
-        hinges = self.bending_layer < boundary_layer(self.scene)
-        least = NIP_PARTS if self.nipping else HINGE_PARTS if hinges else 1.0
-        parts = max(parts, least / mesh_density(self.scene))
-        return int(np.clip(np.ceil(parts), 1, MAX_CONTACT_PARTS))
+        hinges, parts = self.bending_layer < boundary_layer(self.scene), [1.0]
+        least = NIP_PARTS if self.nipping else 1.0
+        if spec.kinematics == "section":
+            bearing = zip(self.deepest_bearing, self.rollers, self.wanted_sizes, strict=True)
+            parts += [h / (4.0 * np.sqrt(2.0 * d * r.radius)) for d, r, h in bearing]
+            least = max(least, HINGE_PARTS * hinges)
+        parts.append(least / mesh_density(self.scene))
+        return int(np.clip(np.ceil(max(parts)), 1, MAX_CONTACT_PARTS))
 
     @cached_property
     def wanted_sizes(self) -> list[float]:
