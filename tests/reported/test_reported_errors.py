@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from bisect import bisect_left
 from collections.abc import Callable, Iterator
@@ -592,6 +593,34 @@ def test_the_part_of_the_mesh_is_found_where_contact_begins_deep(
     finer = run(LEVELLER % "", tmp_path / "finer", *given, "strip.finer=4.0")
     part, exact = found.summary["errors"]["mesh"], truth(found, finer)
     assert 0.3 * exact["tension"] < part["tension"] < 3.0 * exact["tension"]
+
+
+PLATE = """
+strip = { length = 1.0, width = 1.0, thickness = 5.0e-3 }
+material = { young = 2.1e11, poisson = 0.3 }
+edges.entry = { fixed = ["x", "y", "z"], clamped = true }
+edges.exit = { fixed = ["x", "y", "z"], clamped = true }
+edges.left = { fixed = ["x", "y", "z"], clamped = true }
+edges.right = { fixed = ["x", "y", "z"], clamped = true }
+stages = [{ name = "press", pressure = 1000.0 }]
+"""
+
+
+def test_moments_of_clamped_edges_have_an_error(tmp_path: Path) -> None:
+    """Mean moments of a square plate; those of its sides, on four elements across, are 2 % off."""
+    found, finer = (
+        run(PLATE, tmp_path / name, *given, "solver.tolerance=1e-6")
+        for name, given in (("found", ()), ("finer", ("strip.finer=2.0",)))
+    )
+    here, there = (
+        np.array([e["moment"] for e in r.summary["edges"].values()]) for r in (found, finer)
+    )
+    exact = float(abs(here - there).max())
+    assert len(here) == 4 and exact > 0.01 * abs(there).max()
+    errors = found.summary["errors"]
+    assert 0.5 * exact < errors["mesh"]["moment"] < 2.0 * exact
+    assert errors["path"]["moment"] < 1e-4 * abs(there).max()
+    assert re.search(r"moment\s+of .*\(N/m\) .*\(N\) .*\(m\) +\(N\)", found.printed)
 
 
 FOIL = """

@@ -51,7 +51,8 @@ if TYPE_CHECKING:
 
 
 Part = dict[str, float]
-"""Largest errors of a ``tension`` (N/m), of a roller's ``force`` (N) and of a ``position`` (m)."""
+"""Largest errors of a ``tension`` (N/m), of a roller's ``force`` (N), of a ``position`` (m), and of
+the ``moment`` (N) of an edge where any is clamped."""
 
 LARGE_MESH_ERROR = 0.1
 """Share of the scene's tension, or of a compression, by which the mesh must not make one wrong
@@ -92,23 +93,6 @@ def force_readings(state: State) -> dict[str, float]:
     for name, reading in state.rollers.items():
         found |= {f"{name}.normal": reading.normal_force, f"{name}.drag": reading.drag}
     return found
-
-
-def largest_differences(state: State, other: State, moved: Array) -> Part:
-    """Return the largest differences of what is read off two states, also of different meshes.
-
-    Parameters
-    ----------
-    state, other : State
-    moved : ndarray, shape (unknowns,)
-        Difference of displacements, on the mesh of the other.
-    """
-    largest = []
-    for read in (tension_readings, force_readings):
-        here, there = read(state), read(other)
-        largest.append(max((abs(there[key] - here[key]) for key in here), default=0.0))
-    position = np.abs(moved[other.plan.model.value_unknowns]).max()
-    return {"tension": largest[0], "force": largest[1], "position": float(position)}
 
 
 @dataclass
@@ -272,7 +256,7 @@ class Budget:
                 self.time = state.time  # as at a limit point: nothing is known of laws and meshes
                 return
             exact, change = found, found.full - state.full
-            self.parts["path"] = largest_differences(state, found, change)
+            self.parts["path"] = self._differences(state, found, change)
             with suppress(SingularTangentError):
                 self.parts["regularisation"] = self.by_laws(exact)
         else:
@@ -295,6 +279,27 @@ class Budget:
     def _forget(self, lost: bool = False) -> None:
         """Forget what a finer mesh told of a state; ``lost`` if it has none of the next one."""
         self.lost, self.error, self.spans, self.bears = lost, None, [], np.inf
+
+    def _differences(self, state: State, other: State, moved: Array) -> Part:
+        """Return the largest differences of what is read off two states, also of different meshes.
+
+        Those of displacements, (unknowns,), are given, on the mesh of the other.  Moments (N) count
+        where an edge is clamped.
+        """
+
+        def largest(here: dict[str, float], there: dict[str, float]) -> float:
+            return max((abs(there[key] - here[key]) for key in here), default=0.0)
+
+        clamped = self.assembly.scene.clamped
+        position = np.abs(moved[other.plan.model.value_unknowns]).max()
+        found = {
+            "tension": largest(tension_readings(state), tension_readings(other)),
+            "force": largest(force_readings(state), force_readings(other)),
+            "position": float(position),
+        }
+        if moments := state.clamp_moments(clamped):
+            found["moment"] = largest(moments, other.clamp_moments(clamped))
+        return found
 
     def by_laws(self, state: State) -> Part | None:
         """Return what regularised laws make of a state that no past belongs to."""
@@ -339,7 +344,7 @@ class Budget:
                 plan = replace(plan, model=plan.model.with_effects(effects))
             return replace(state, plan=plan, full=full, velocity=velocity)
 
-        found = largest_differences(changed(-share), changed(share), 2.0 * share * moved[0])
+        found = self._differences(changed(-share), changed(share), 2.0 * share * moved[0])
         return {key: float(value / (2.0 * share)) for key, value in found.items()}
 
     def in_time(self, state: State, errors: Errors) -> Iterator[Part]:
@@ -451,7 +456,7 @@ class Budget:
             if self.assembly.scene.strip.bending and not plan.in_time and any(pressed):
                 self.bears = float(buckling_factors(finer).min(initial=np.inf))
         self.error = finer.full - start
-        self.parts["mesh"] = largest_differences(state, finer, self.error)
+        self.parts["mesh"] = self._differences(state, finer, self.error)
         for name in self.assembly.scene.edges.keys() - set(released):
             length = self.assembly.strip.edges[name].length
             self.loads[name] = (finer.edge_force(name) - state.edge_force(name)) / length

@@ -641,8 +641,9 @@ def cell(value: float | None, form: str = ".4g") -> str:
 
 def error_table(run: Run) -> Table:
     """Return the estimated errors of the last state, by what makes them."""
-    heads = ("tension\n(N/m)", "roller's force\n(N)", "position\n(m)")
-    table = plain_table("Estimated errors, the largest of each kind", "\nof", *heads)
-    for row in error_rows(run.errors()):
+    heads, rows = error_rows(run.errors())
+    heads = [" ".join(head.split(" ")[:-1]) + "\n" + head.split(" ")[-1] for head in heads]
+    table = plain_table("Estimated errors, the largest of each kind", *heads)
+    for row in rows:
         table.add_row(*row)
     return table

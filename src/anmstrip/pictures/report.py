@@ -271,8 +271,7 @@ def html_tables(summary: Mapping[str, Any]) -> Iterable[str]:
         rows = ([name, *map(format_number, values)] for name, *values in read)
         yield html_table("Edges", heads, rows)
     if errors := summary.get("errors"):
-        heads = ["of", "tension (N/m)", "roller's force (N)", "position (m)"]
-        yield html_table("Estimated errors, the largest of each kind", heads, error_rows(errors))
+        yield html_table("Estimated errors, the largest of each kind", *error_rows(errors))
     if stages := summary.get("stages"):
         rows = ([n, s["steps"], s["tangents"], f"{s['seconds']:.3g}"] for n, s in stages.items())
         yield html_table("Stages", ["stage", "steps", "tangents", "seconds"], rows)

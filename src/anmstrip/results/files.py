@@ -41,11 +41,25 @@ ERROR_WORDS = {
 """Parts of ``errors`` in ``summary.json``, as they are called in reports."""
 
 
-def error_rows(errors: Mapping[str, Mapping[str, float] | None]) -> Iterator[list[str]]:
-    """Yield the rows of a table of ``errors``: of what, tension, roller's force, position."""
-    for name, part in errors.items():
-        values = ["–"] * 3 if part is None else [f"{value:.2g}" for value in part.values()]
-        yield [ERROR_WORDS[name], *values]
+ERROR_HEADS = {
+    "tension": "tension (N/m)",
+    "force": "roller's force (N)",
+    "position": "position (m)",
+    "moment": "moment (N)",
+}
+"""Kind of error → how it is called, with its unit; moments are those of clamped edges."""
+
+
+def error_rows(errors: Mapping[str, Mapping[str, float] | None]) -> tuple[list[str], list[Any]]:
+    """Return the heads of a table of ``errors``, and its rows."""
+    known = [part for part in errors.values() if part is not None]
+    kinds = [kind for kind in ERROR_HEADS if any(kind in part for part in known)]
+    parts = ((ERROR_WORDS[name], part or {}) for name, part in errors.items())
+    rows = [
+        [name, *(f"{part[kind]:.2g}" if kind in part else "–" for kind in kinds)]
+        for name, part in parts
+    ]
+    return ["of", *(ERROR_HEADS[kind] for kind in kinds)], rows
 
 
 @contextmanager
