@@ -595,8 +595,9 @@ class Run:
         -------
         dict
             ``path``, ``time``, ``mesh`` and ``regularisation``, each with the largest error of a
-            ``tension`` (N/m), of a roller's ``force`` (N) and of a ``position`` (m), or None: of
-            ``time`` where nothing rubs, of ``path`` and ``mesh`` if it is not known.
+            ``tension`` (N/m), of a roller's ``force`` (N) and of a ``position`` (m), where an edge
+            is clamped of a ``moment`` (N), or None: of ``time`` where nothing rubs, of ``path`` and
+            ``mesh`` if it is not known.
         """
         known = self.state is not None and self.budget.time == self.state.time
         return dict.fromkeys(ERROR_WORDS) | (self.budget.parts if known else {})

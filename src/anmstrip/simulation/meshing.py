@@ -448,11 +448,12 @@ class Layout:
         """
         spec = self.scene.strip
         typed = spec.cells is not None or spec.element_length is not None
-        if spec.mesh is not None or typed:
+        section = spec.kinematics == "section"
+        if spec.mesh is not None or typed or not (section or self.nipping):
             return 1
         hinges, parts = self.bending_layer < boundary_layer(self.scene), [1.0]
         least = NIP_PARTS if self.nipping else 1.0
-        if spec.kinematics == "section":
+        if section:
             bearing = zip(self.deepest_bearing, self.rollers, self.wanted_sizes, strict=True)
             parts += [h / (4.0 * np.sqrt(2.0 * d * r.radius)) for d, r, h in bearing]
             least = max(least, HINGE_PARTS * hinges)

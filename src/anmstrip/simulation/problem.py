@@ -337,8 +337,11 @@ class Assembly:
             return contact is not None and bool(contact.faces)
         rollers = rollers_of(scene, self.origin, False)
         layout = Layout(scene, rollers, self._thread(rollers))
-        room = 0.5 * scene.strip.thickness
-        return any(nip.gap >= room for nips in layout.nips for nip in nips)
+        found = [
+            nip for nips in layout.nips for nip in nips if nip.gap >= 0.5 * scene.strip.thickness
+        ]
+        wrapped = {spec.name for spec in scene.rollers if spec.wrap}
+        return any(not wrapped.issuperset(nip.names) for nip in found)
 
     @cached_property
     def thread(self) -> Thread | None:
