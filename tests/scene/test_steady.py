@@ -818,8 +818,8 @@ def test_strip_that_a_bar_holds_is_told_to_creep() -> None:
                     "exit": {"tension": 1.9e3}, "rollers": {"drive": {"surface_speed": 1.0}}}],
     }  # fmt: skip
     run, state = ended(Scene.from_tables(tables, "bar.toml"))
-    assert state.strip_speed is not None and state.friction is not None
-    assert 0.0 < state.strip_speed < state.friction.law_of_slip.speed
+    assert state.strip_speed is not None and run.assembly.friction is not None
+    assert 0.0 < state.strip_speed < run.assembly.friction.speed
     told = f"The strip creeps at {state.strip_speed:.6g} m/s, as unstressed strip."
     assert told in report(run)
 
