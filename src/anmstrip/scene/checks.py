@@ -588,8 +588,8 @@ def across(strip: StripSpec, rollers: Rollers, stages: Stages) -> dict[str, obje
         if roller.axis[0] or roller.axis[2]:
             given[f"rollers.{roller.name}.axis"] = roller.axis
     for place, shaped in (("strip", strip), *((f"stages.{s.name}.strip", s.strip) for s in stages)):
-        values = shaped.model_dump(exclude_defaults=True)
-        given |= {f"{place}.{key}": values[key] for key in shaped.varying_across}
+        typed = shaped.model_dump(exclude_defaults=True)
+        given |= {f"{place}.{key}": typed[key] for key in shaped.varying_across}
     return given
 
 
