@@ -95,6 +95,25 @@ def test_the_force_of_a_nip_follows_from_its_gap() -> None:
     assert not any("nip" in line for line in told(pinch(0.0, 0.0, "contact.faces=false")))
 
 
+def test_rollers_that_press_strip_between_them_are_not_touched_by_nothing() -> None:
+    """Guides carry strip half its thickness above the lower roll, onto which the upper one presses.
+
+    Drawn with the thickness between them, rolls without faces leave the strip in their gap.
+    """
+    tables = copy.deepcopy(DRAWN)
+    guide = {"radius": 0.1, "drive": "idle", "wrap": "over"}
+    ends = {"entry": [-1.5, 0.0, -0.2], "exit": [1.5, 0.0, -0.2]}
+    tables["threading"] |= ends
+    tables["rollers"][0].pop("wrap")
+    tables["rollers"][1]["centre"] = [0.0, 0.0, 0.10049]
+    tables["rollers"][:0] = [{**guide, "name": "before", "centre": [-0.8, 0.0, -0.1]}]
+    tables["rollers"].append({**guide, "name": "behind", "centre": [0.8, 0.0, -0.1]})
+    assert not [line for line in told(Scene(**tables)) if "touched by nothing" in line]
+    tables["contact"] = {}
+    lines = [line for line in told(Scene(**tables)) if "touched by nothing" in line]
+    assert len(lines) == 2 and all("Try --set contact.faces=true, another" in x for x in lines)
+
+
 @pytest.mark.parametrize(("tension", "share"), [(2e3, 0.32), (2e4, 1.72)])
 def test_the_force_on_a_drum_is_told_for_straight_strip(tension: float, share: float) -> None:
     """What presses the drum beyond the roller is what tensions press: T over the angle they turn.

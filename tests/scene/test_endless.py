@@ -95,6 +95,9 @@ MISTAKES: list[tuple[str, Any, str, str]] = [
     ("stages.run.steady", False, "stages.run.steady", "an endless strip has no stages in time"),
     ("stages.run.strip.speed", 1.0, "stages.run.strip.speed", "the strip's speed follows"),
     ("strip.length", 2.0, "strip.length", "say the length"),
+    ("rollers.driven.axis", [1e-3, 1.0, 0.0], "rollers.driven.axis", "no width"),
+    ("rollers.driven.crown", [0.0, -1e-3], "rollers.driven.crown", "no width"),
+    ("stages.run.strip.camber", 1e-3, "stages.run.strip.camber", "no width"),
 ]
 
 
@@ -108,6 +111,7 @@ def test_what_an_endless_strip_cannot_have_is_refused(
     assert any(m.key == named and expected in m.expected for m in refused.value.mistakes), str(
         refused.value
     )
+    assert not any("shell" in m.hint for m in refused.value.mistakes)  # which is refused as well
 
 
 def test_small_pulleys_far_apart_are_first_told_to_be_in_another_order() -> None:

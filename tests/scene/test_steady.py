@@ -806,6 +806,24 @@ def test_one_of_two_driven_rollers_that_is_slid_over_is_named() -> None:
     assert "The strip slides over a." in report(run)
 
 
+def test_strip_that_a_bar_holds_is_told_to_creep() -> None:
+    """The bar turns it by 0.58 rad and holds 2.4 kN/m; the drum pulls 1900 N/m exp(0.2 · 0.4)."""
+    tables = {
+        **CROWNED,
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 2e-4},
+        "threading": {"tension": 2e3, "entry": [-1.0, 0.0, -0.6], "exit": [3.0, 0.0, -0.6]},
+        "rollers": [roller("bar", 0.0, -0.1, 0.1, "over", friction=0.3),
+                    roller("drive", 1.5, -0.1, 0.1, "over", friction=0.2)],
+        "stages": [{"name": "run", "steady": True, "entry": {"tension": 2e3},
+                    "exit": {"tension": 1.9e3}, "rollers": {"drive": {"surface_speed": 1.0}}}],
+    }  # fmt: skip
+    run, state = ended(Scene.from_tables(tables, "bar.toml"))
+    assert state.strip_speed is not None and run.assembly.friction is not None
+    assert 0.0 < state.strip_speed < run.assembly.friction.speed
+    told = f"The strip creeps at {state.strip_speed:.6g} m/s, as unstressed strip."
+    assert told in report(run)
+
+
 @pytest.mark.parametrize("raised", [0.0, 0.1])
 def test_a_line_whose_driven_roller_touches_nothing_is_told_to_have_no_speed(raised: float) -> None:
     """Drawn in the pass line, bent strip leaves it; idlers stand, and the strip as well."""
@@ -855,6 +873,7 @@ def test_strip_that_slides_over_rollers_is_told(
     unbalanced = run.scene.model_copy(update={"rollers": tuple(lighter)})
     assert not list(standing_idlers(state, unbalanced))  # what turns it is no balance yet
     assert ("slides over a." in report(run)) == (speed > 2.01)
+    assert "The strip runs at 2 m/s, as unstressed strip." in report(run)
     used = state.rollers["a"].capacity_used  # little, where fibres only creep to and fro
     assert used is not None and (used > 0.99) == (speed > 2.01)
     monkeypatch.setattr("anmstrip.driver.explain.SLIDING_SHARE", used)

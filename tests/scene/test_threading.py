@@ -287,6 +287,26 @@ def test_a_roller_just_below_the_string_carries_as_much_without_wrap() -> None:
     assert load_of_weight(-1e-3, wrap=None) == pytest.approx(1.0, rel=0.02)
 
 
+def test_a_bar_at_pass_line_on_the_other_side_of_web_is_laid_and_dipped() -> None:
+    """Bent onto its rollers web begins D/2TR in the bar, 160 onsets of contact: nothing was found.
+
+    Dipped by d in the middle of a span of 1 m the bar bears 4 T d.
+    """
+    rolls = [roller("a", -0.5, -0.05, 0.05, "over"), roller("bar", 0.0, 0.006, 0.006, "over"),
+             roller("b", 0.5, -0.1, 0.1, "over")]  # fmt: skip
+    del rolls[1]["wrap"]
+    ends = {"tension": 150.0, "entry": (-1.0, 0.0, -0.4), "exit": (1.2, 0.0, -0.6)}
+    tables: dict[str, Any] = {
+        "strip": {"kinematics": "section", "width": 0.8, "thickness": 5e-5},
+        "material": {"young": 4.5e9, "poisson": 0.35},
+        "threading": ends, "rollers": rolls,
+        "stages": [{"exit": {"tension": 150.0}}, {"rollers": {"bar": {"move": (0.0, 0.0, -0.01)}}}],
+    }  # fmt: skip
+    *_, last = Scene(**tables).run()
+    load = last.state.rollers["bar"].normal_force / 0.8
+    assert load == pytest.approx(4.0 * 150.0 * 0.01, rel=0.02)
+
+
 def test_some_fibres_may_pass_a_roller_out_of_line() -> None:
     skewed = furnace(0.0, axis=(0.0, 1.0, 1e-3))
     assembly = Assembly(scene_of(skewed, "shell"))

@@ -250,10 +250,12 @@ def untouched_roller(preview: Preview) -> Iterator[str]:
             continue
         gap = min(string.gaps.get(roller.name, 0.0) for string in preview.strings)
         missed = gap > GRAZING_DEPTH * roller.radius and not moved_through(preview, roller)
-        if preview.turn(roller) == 0.0 and missed:
+        squeeze = closest_nip(preview, roller)
+        if preview.turn(roller) == 0.0 and missed and squeeze <= 0.0:
+            faces = "--set contact.faces=true, " if squeeze > -np.inf and not roller.half else ""
             yield (
                 f"roller {roller.name} is touched by nothing: the strip passes at {gap:.2g} m. "
-                f"Try another rollers.{roller.name}.centre, a move that long in a "
+                f"Try {faces}another rollers.{roller.name}.centre, a move that long in a "
                 "stage, or take the roller out."
             )
         touched = False
@@ -269,6 +271,13 @@ def untouched_roller(preview: Preview) -> Iterator[str]:
                 break
             if wrapped and before and not touched:
                 yield from (f"{leaves}{why}" for why in pulled_off(preview.assembly, stage))
+
+
+def closest_nip(preview: Preview, roller: Roller) -> float:
+    """Return the largest squeeze (m) of nips between which a roller presses strip, −∞ of none."""
+    stages = preview.assembly.layout.nips
+    found = [nip.squeeze for nips in stages for nip in nips if roller.name in nip.names]
+    return max(found, default=-np.inf)
 
 
 def moved_through(preview: Preview, roller: Roller) -> bool:

@@ -511,6 +511,10 @@ def report(run: Run, told: Collection[str] = ()) -> str:
         jaws = (f"{moment:.6g} N at the {name}" for name, moment in held.items())
         moments = f" Moment {' and '.join(jaws)}." if held else ""
         parts.append(f"Tension {' and '.join(ends)}.{moments}")
+        if speed := state.strip_speed:
+            law = run.assembly.friction
+            goes = "creeps" if law is not None and abs(speed) <= law.speed else "runs"
+            parts.append(f"The strip {goes} at {speed:.6g} m/s, as unstressed strip.")
         latent, manifest = (run.flatness.get(f"{k}_flatness") for k in ("latent", "manifest"))
         if latent is not None and manifest is not None and latent >= MIN_FLATNESS:
             mean = f"{latent:.3g} I-units latent in the mean along the strip"

@@ -580,6 +580,19 @@ def held_entry(threading: Threading, edges: Edges) -> Mistakes:
         yield Mistake("", "edges.entry.fixed", list(fixed) or None, expected, hint)
 
 
+def across(strip: StripSpec, rollers: Rollers, stages: Stages) -> dict[str, object]:
+    """Return what varies across the width, or is out of line with it."""
+    given: dict[str, object] = {}
+    for roller in rollers:
+        given |= {f"rollers.{roller.name}.{key}": shape for key, shape in roller.profile.items()}
+        if roller.axis[0] or roller.axis[2]:
+            given[f"rollers.{roller.name}.axis"] = roller.axis
+    for place, shaped in (("strip", strip), *((f"stages.{s.name}.strip", s.strip) for s in stages)):
+        typed = shaped.model_dump(exclude_defaults=True)
+        given |= {f"{place}.{key}": typed[key] for key in shaped.varying_across}
+    return given
+
+
 def closed_strip(
     threading: Threading,
     strip: StripSpec,
@@ -600,6 +613,7 @@ def closed_strip(
         "an endless strip has no ends": ends,
         "the strip's speed follows": speeds,
         "an endless strip does not yield": yields,
+        "an endless strip is a section, which has no width": across(strip, rollers, stages),
     }
     for why, given in reasons.items():
         for key in (key for key, value in given.items() if value is not None):
@@ -746,11 +760,11 @@ def times_of_the_run(threading: Threading, stages: Stages, output: OutputSpec) -
 
 RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
     lambda rollers: duplicates("rollers", rollers), lambda stages: duplicates("stages", stages),
-    known_edges, known_rollers, controls_of_drives, flat_plates, rollers_of_a_section,
+    known_edges, known_rollers, controls_of_drives, closed_strip, flat_plates, rollers_of_a_section,
     known_directions, tensions_and_moments, held_components, speeds_at_ends, clamped_edges,
     released_for_good, pulled_once, tables_of_temperature, natural_shapes, ends_of_a_fed_strip,
     gravity_has_density, known_laws_are_sharpened, refined_mesh_is_estimated,
-    rollers_have_friction, stages_have_friction, closed_strip, steady_stages, yielding_strip,
+    rollers_have_friction, stages_have_friction, steady_stages, yielding_strip,
     threading_partners, one_length, held_entry, own_name, threading_ends, borne_tension,
     borne_moments, wrapped_axes, separate_rollers, times_of_the_run,
 )  # fmt: skip

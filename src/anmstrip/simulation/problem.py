@@ -337,11 +337,9 @@ class Assembly:
             return contact is not None and bool(contact.faces)
         rollers = rollers_of(scene, self.origin, False)
         layout = Layout(scene, rollers, self._thread(rollers))
-        found = [
-            nip for nips in layout.nips for nip in nips if nip.gap >= 0.5 * scene.strip.thickness
-        ]
-        wrapped = {spec.name for spec in scene.rollers if spec.wrap}
-        return any(not wrapped.issuperset(nip.names) for nip in found)
+        room, wrapped = 0.5 * scene.strip.thickness, {r.name for r in scene.rollers if r.wrap}
+        found = {nip.names for nips in layout.nips for nip in nips if nip.gap >= room}
+        return any(not wrapped.issuperset(names) for names in found)
 
     @cached_property
     def thread(self) -> Thread | None:
