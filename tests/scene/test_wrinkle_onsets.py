@@ -325,6 +325,14 @@ def test_eight_onsets_are_dated_by_the_modes_of_a_dozen_states(
         assert np.abs(factors - onset.level).min() < 0.5 * ONSET_TOLERANCE * rate
 
 
+def test_onset_is_dated_without_known_modes_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where these lead astray."""
+    monkeypatch.setattr(wrinkles, "MAX_GALERKIN", 0)
+    run, _ = ended(pressed())
+    found = [told["time"] for told in run.wrinkles]
+    assert found == pytest.approx([1.0 / ONSET_FACTOR / OVER, 1.0 / OVER], rel=1e-3)
+
+
 def test_strip_far_from_wrinkles_is_looked_at_by_its_lowest_mode(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -817,7 +817,7 @@ class WrinkleWatch:
     shares : dict
         Compression of the spans over what they bear, there.
     looked : tuple of State, ndarray and ndarray, or None
-        The state there, with its factors and modes.
+        The last state of this stage whose tracked modes were looked for, with these.
     dated : set of str
         Kinds of onsets found so far.
     missed : int
@@ -858,13 +858,14 @@ class WrinkleWatch:
 
         Nothing is looked at where no span is pressed and no mode was near its onset, where the
         path has no branch or strip flows along it, and while factors that fall as compression
-        grows stay far from 1.
+        grows stay far from 1; at the lowest mode alone while it is far.
         """
         if state.plasticity is not None and state.plasticity.operator.flows:
             return []
         shares = pressed_shares(state)
         if self.plan is not state.plan:
             self.plan, self.factors, self.lowest, self.shares = state.plan, np.zeros(0), 0.0, {}
+            self.looked = None
         near = bool((self.factors < FAR_FROM_BUCKLING).any())
         grown = self.growth(shares)
         far = not grown or self.lowest > PROPORTION_MARGIN * FAR_FROM_BUCKLING * grown
