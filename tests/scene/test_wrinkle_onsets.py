@@ -23,8 +23,15 @@ from anmstrip.driver.run import Run, onset_words
 from anmstrip.driver.scene import Scene
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.linalg.solvers import Bordered, Remembering, SparseSolver
+from anmstrip.results import wrinkles
 from anmstrip.results.state import State
-from anmstrip.results.wrinkles import ONSET_FACTOR, ONSET_TOLERANCE, Wrinkling, buckling
+from anmstrip.results.wrinkles import (
+    ONSET_FACTOR,
+    ONSET_TOLERANCE,
+    TRACKED_MODES,
+    Wrinkling,
+    buckling,
+)
 from claims import Claim
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -279,6 +286,61 @@ def long_edges(directory: Path | None, finer: float = 1.0, tension: float = 1.6e
     for _ in run:
         pass
     return run
+
+
+def counts_of_modes(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many modes are looked for, state by state."""
+    counts, find = list[int](), wrinkles.buckling
+
+    def counted(state: State, count: int, *more: Any) -> Any:
+        counts.append(count)
+        return find(state, count, *more)
+
+    monkeypatch.setattr(wrinkles, "buckling", counted)
+    return counts
+
+
+def test_eight_onsets_are_dated_by_the_modes_of_a_dozen_states(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of one step, by those of its two ends and of two states nearby; it took 22 states.
+
+    All are as near to 1.01 or 1 as the tolerance of the control lets them be.
+    """
+    found, during = list[wrinkles.Onset](), wrinkles.WrinkleWatch.during
+
+    def kept(watch: wrinkles.WrinkleWatch, state: State) -> list[wrinkles.Onset]:
+        found.extend(onsets := during(watch, state))
+        return onsets
+
+    monkeypatch.setattr(wrinkles.WrinkleWatch, "during", kept)
+    counts = counts_of_modes(monkeypatch)
+    long_edges(None)
+    assert len(found) == 8 and counts.count(TRACKED_MODES) <= 12
+    first, behind = (next(o for o in found if o.kind == k) for k in ("wrinkles", "bifurcation"))
+    rate = (ONSET_FACTOR - 1.0) / (behind.state.control - first.state.control)
+    for onset in found:
+        assert (onset.beside is not None) == (onset in (first, behind))
+        factors, _ = buckling(onset.state, TRACKED_MODES)
+        assert np.abs(factors - onset.level).min() < 0.5 * ONSET_TOLERANCE * rate
+
+
+def test_onset_is_dated_without_known_modes_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where these lead astray."""
+    monkeypatch.setattr(wrinkles, "MAX_GALERKIN", 0)
+    run, _ = ended(pressed())
+    found = [told["time"] for told in run.wrinkles]
+    assert found == pytest.approx([1.0 / ONSET_FACTOR / OVER, 1.0 / OVER], rel=1e-3)
+
+
+def test_strip_far_from_wrinkles_is_looked_at_by_its_lowest_mode(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its edges bear two to three times what presses them."""
+    counts = counts_of_modes(monkeypatch)
+    run = long_edges(None, tension=1.8e4)
+    assert set(counts) == {1} and run.onsets is not None
+    assert run.onsets.lowest == pytest.approx(buckling(run.state, 1)[0][0], rel=1e-2)
 
 
 @pytest.mark.slow

@@ -38,7 +38,15 @@ from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Controls, Effect, Values
 from anmstrip.results.files import ERROR_WORDS
 from anmstrip.results.state import State
-from anmstrip.results.wrinkles import COLUMN_SHARE, TRACKED_MODES, Onset, Span, buckling, free_spans
+from anmstrip.results.wrinkles import (
+    COLUMN_SHARE,
+    ROUGH_TOLERANCE,
+    TRACKED_MODES,
+    Onset,
+    Span,
+    buckling,
+    free_spans,
+)
 from anmstrip.scene.tables import ENDS
 from anmstrip.simulation.meshing import mesh_density
 from anmstrip.simulation.problem import Assembly
@@ -266,15 +274,19 @@ class Budget:
         if any(len(passage.names) > 1 for passage in state.passages):
             self.parts["regularisation"] = None  # a nip presses as its law makes of its gap
         if self.halved is not None and (state.plan.steady or self.assembly.flow is None):
-            told = "estimating the errors by the mesh, on elements of half the length, %d unknowns"
-            given = self.halved.unknowns, time_words(self.assembly.estimate_seconds)
-            logging.getLogger(__name__).info(told + ", about %s", *given)
+            self._announce("estimating the errors by the mesh", self.halved)
             try:
                 self.look_finer(self.halved, exact, released)
             except MemoryError:  # what is solved stays; nothing is known of the mesh
                 self._forget()
         self.time = state.time
         self.pulled = max(map(abs, tension_readings(state).values()), default=0.0)
+
+    def _announce(self, words: str, halved: Halved) -> None:
+        """Log what is about to be looked for on elements of half the length, and for how long."""
+        told = words + ", on elements of half the length, %d unknowns, about %s"
+        given = halved.unknowns, time_words(self.assembly.estimate_seconds)
+        logging.getLogger(__name__).info(told, *given)
 
     def _forget(self, lost: bool = False) -> None:
         """Forget what a finer mesh told of a state; ``lost`` if it has none of the next one."""
@@ -422,6 +434,7 @@ class Budget:
             return None
         state, known = onset.state, self.onset
         if known is None or not known[0].is_beside(onset):
+            self._announce("looking for an onset of wrinkles", self.halved)
             plan = self.finer_problem(self.halved, state, released)
             try:
                 known = self.onset = onset, buckling_factors(balance_state(plan, state))
@@ -465,7 +478,9 @@ class Budget:
 def buckling_factors(state: State | None) -> Array:
     """Return the lowest factors of a state's buckling modes, ascending; none if not known."""
     try:
-        return np.zeros(0) if state is None else buckling(state, TRACKED_MODES)[0]
+        if state is None:
+            return np.zeros(0)
+        return buckling(state, TRACKED_MODES, tolerance=ROUGH_TOLERANCE)[0]
     except (SingularTangentError, ArpackError, MemoryError):
         return np.zeros(0)
 

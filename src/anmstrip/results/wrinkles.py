@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigvals, orth
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
 
@@ -406,6 +407,15 @@ EIGENVALUE_TOLERANCE = 1e-8
 """Relative error of the inverse of a factor.  Round-off of contact, 1e11 times as stiff as bending,
 leaves 1e-7 of a solution: with 0 ARPACK goes on for three times as many, and may end astray."""
 
+ROUGH_TOLERANCE = 1e-2
+"""The same where it is only asked whether the lowest factor is far from 1, and on a finer mesh.
+The lowest alone takes 21 solutions of a furnace strip and is 5e-4 wrong; all that are tracked take
+40 instead of 70, and the lowest of them keeps eight digits."""
+
+MAX_GALERKIN = 4
+"""States in which modes are looked for to date an onset by those of states nearby: it takes one to
+three of them.  Where these lead astray, as modes are born and end there, the bracket is divided."""
+
 FACTOR_TOLERANCE = 1e-3
 """Distance of a dated factor from its level; else it was a complex pair that was born there."""
 
@@ -464,6 +474,7 @@ def buckling_modes(
     compressive: csc_matrix | Bordered,
     solver: LinearSolver,
     count: int,
+    tolerance: float = EIGENVALUE_TOLERANCE,
 ) -> tuple[Array, Array]:
     """The lowest factors μ, ascending, and modes φ in columns.
 
@@ -479,6 +490,8 @@ def buckling_modes(
     solver : LinearSolver
     count : int
         Number of modes.
+    tolerance : float
+        Relative error of the inverse of a factor.
     """
     spared, n = tangent + compressive, tangent.shape[0]
     symmetric = False
@@ -488,11 +501,11 @@ def buckling_modes(
     solve, start = factors.solve, factors.solve(np.cos(np.arange(1.0, n + 1.0) ** 2))
     if symmetric and not factors.negatives:
         inverse = LinearOperator((n, n), matvec=solve)
-        given = {"M": spared, "Minv": inverse, "v0": start, "tol": EIGENVALUE_TOLERANCE}
+        given = {"M": spared, "Minv": inverse, "v0": start, "tol": tolerance}
         values, modes = eigsh(compressive, count, which="LA", **given)
     else:
         growing = LinearOperator((n, n), matvec=lambda u: solve(compressive @ u), dtype=float)
-        values, modes = eigs(growing, count, which="LR", v0=start, tol=EIGENVALUE_TOLERANCE)
+        values, modes = eigs(growing, count, which="LR", v0=start, tol=tolerance)
         real = values.imag == 0.0
         values, modes = values[real].real, modes[:, real].real
     order = np.argsort(values)[::-1]
@@ -500,7 +513,30 @@ def buckling_modes(
         return 1.0 / values[order], modes[:, order]
 
 
-def buckling(state: State, count: int, solver: LinearSolver | None = None) -> tuple[Array, Array]:
+def buckling_matrices(state: State) -> tuple[csc_matrix | Bordered, csc_matrix | Bordered] | None:
+    """Return K and G of a state, see :func:`buckling`; None if nothing is compressed."""
+    plan, model = state.plan, state.plan.model.without_rates
+    free = plan.supports.free
+    if not plan.steady:
+        free = free[free < model.strip.unknowns]
+    equations = Equilibrium(model, replace(plan.supports, free=free), plan.controls)
+    u = state.full[free] - plan.supports.start[free]
+    assert state.membrane is not None
+    forces = state.membrane_forces
+    growth = state.controls.get("strip.growth", 1.0)
+    blocks = compressive_stiffness(state.membrane, forces, model.pattern, model.others, growth)
+    if not blocks.pairs.any():
+        return None
+    tangent = equations.recurrence(u, state.control, 1).tangent()
+    return tangent, model.pattern.restricted(free).matrix(blocks)
+
+
+def buckling(
+    state: State,
+    count: int,
+    solver: LinearSolver | None = None,
+    tolerance: float = EIGENVALUE_TOLERANCE,
+) -> tuple[Array, Array]:
     """Factors and modes of a state, see :func:`buckling_modes`.
 
     Of a stationary state with its friction, its rollers and its speed; of another as if nothing
@@ -511,22 +547,11 @@ def buckling(state: State, count: int, solver: LinearSolver | None = None) -> tu
     factors : ndarray, shape (count,) or fewer
     modes : ndarray, shape (free, factors)
     """
-    plan, model = state.plan, state.plan.model.without_rates
-    free = plan.supports.free
-    if not plan.steady:
-        free = free[free < model.strip.unknowns]
-    equations = Equilibrium(model, replace(plan.supports, free=free), plan.controls)
-    u = state.full[free] - plan.supports.start[free]
-    tangent = equations.recurrence(u, state.control, 1).tangent()
-    assert state.membrane is not None
-    forces = state.membrane_forces
-    growth = state.controls.get("strip.growth", 1.0)
-    blocks = compressive_stiffness(state.membrane, forces, model.pattern, model.others, growth)
-    if not blocks.pairs.any():  # nothing is compressed
-        return np.zeros(0), np.zeros((len(plan.supports.free), 0))
-    compressive = model.pattern.restricted(free).matrix(blocks)
-    factors, modes = buckling_modes(tangent, compressive, solver or SparseSolver(), count)
-    return factors, np.pad(modes, ((0, len(plan.supports.free) - len(free)), (0, 0)))
+    free = len(state.plan.supports.free)
+    if (matrices := buckling_matrices(state)) is None:
+        return np.zeros(0), np.zeros((free, 0))
+    factors, modes = buckling_modes(*matrices, solver or SparseSolver(), count, tolerance)
+    return factors, np.pad(modes, ((0, free - len(modes)), (0, 0)))
 
 
 def mode_heights(state: State, mode: Array) -> Array:
@@ -567,7 +592,8 @@ class Onset:
     number : int
         Of the mode, the lowest factor being that of 0.
     beside : tuple of State and float, or None
-        A state nearby on the branch, and the factor of the mode there; of waves None.
+        A state nearby on the branch, and the factor of the mode there, if known; a watch finds it
+        of the first wrinkles and of the first bifurcation.
     """
 
     state: State
@@ -644,19 +670,100 @@ def loads(state: State) -> dict[str, float]:
     return {"time": state.time, **tensions, **own}
 
 
-def dated(change: Callable[[float], float], length: float, known: Iterable[float] = ()) -> float:
-    """Return where on a branch something changes its sign, to :data:`ONSET_TOLERANCE` of it.
+def bracket(
+    change: Callable[[float], float], length: float, known: Iterable[float] = ()
+) -> tuple[float, float]:
+    """Return the places on a branch, of its ends and of known ones, between which a sign changes.
 
-    It is cheap to ask for at known places, between which it is sought.
+    The first ones; the ends of the branch if it begins with zero.
     """
-    from scipy.optimize import brentq
-
     places = sorted({0.0, length, *known})
     signs = [change(a) > 0.0 for a in places]
     pairs = zip(pairwise(places), pairwise(signs), strict=True)
-    changed = (pair for pair, (before, after) in pairs if before != after)
-    ends = next(changed, (0.0, length))  # where it begins with zero
+    return next((pair for pair, (before, after) in pairs if before != after), (0.0, length))
+
+
+def dated(change: Callable[[float], float], ends: tuple[float, float], length: float) -> float:
+    """Return where on a branch something changes its sign, to :data:`ONSET_TOLERANCE` of it."""
+    from scipy.optimize import brentq
+
     return float(brentq(change, *ends, xtol=ONSET_TOLERANCE**2 * length, rtol=ONSET_TOLERANCE))
+
+
+class BranchModes:
+    """Factors and modes on the branch that ends in a state.
+
+    Parameters
+    ----------
+    state : State
+    find : callable
+        From a state to its factors and modes.
+
+    Attributes
+    ----------
+    known : dict
+        Place → factors and modes, where these were found.
+    """
+
+    def __init__(self, state: State, find: Callable[[State], tuple[Array, Array]]) -> None:
+        assert state.branch is not None
+        self.state, self.find, self.length = state, find, state.branch.length
+        self.known: dict[float, tuple[Array, Array]] = {}
+
+    def at(self, a: float) -> tuple[Array, Array]:
+        """Return factors and modes at a place."""
+        if a not in self.known:
+            self.known[a] = self.find(self.state.inside(a))
+        return self.known[a]
+
+    def among(self, a: float, ends: tuple[float, float]) -> Array:
+        """Return factors at a place by Galerkin's method among the modes at two known ones.
+
+        Nothing is factorised.  They are exact at both, and between as wrong as is the square of
+        what modes change by where K is symmetric.
+        """
+        if a in self.known:
+            return self.known[a][0]
+        if (matrices := buckling_matrices(self.state.inside(a))) is None:
+            return np.zeros(0)
+        tangent, compressive = matrices
+        basis = orth(np.hstack([self.known[end][1] for end in ends])[: tangent.shape[0]])
+        pressing = basis.T @ (compressive @ basis)
+        values = eigvals(pressing, basis.T @ (tangent @ basis) + pressing)
+        real = np.abs(values.imag) <= EIGENVALUE_TOLERANCE * np.abs(values)
+        with np.errstate(divide="ignore"):
+            return np.asarray(1.0 / np.sort(values[real].real)[::-1])
+
+    def dated(self, number: int, level: float) -> tuple[float, float] | None:
+        """Return where a factor passes a level, and a place within its tolerance that is known.
+
+        Where it does among the modes at two places, these are looked for; then among them and those
+        on the other side.  None if it is on the same side of the level at both ends of the branch,
+        as where modes are missed at one.
+        """
+
+        def excess(factors: Array) -> float:
+            return level / float(factors[number]) - 1.0 if number < len(factors) else -1.0
+
+        def here(a: float) -> float:
+            return excess(self.at(a)[0])
+
+        if here(0.0) * here(self.length) > 0.0:
+            return None
+        for _ in range(MAX_GALERKIN):
+            ends = bracket(here, self.length, self.known)
+            a = dated(lambda a: excess(self.among(a, ends)), ends, self.length)  # noqa: B023
+            if a in ends:
+                return a, a
+            left, room = here(a), ONSET_TOLERANCE * (a + ONSET_TOLERANCE * self.length)
+            ahead = (left > 0.0) == (here(ends[0]) > 0.0)
+            other = ends[1] if ahead else ends[0]
+            beyond = min(a + room, other) if ahead else max(a - room, other)
+            there = excess(self.among(beyond, (a, other)))
+            if (there > 0.0) != (left > 0.0):
+                return a + (beyond - a) * left / (left - there), a
+        a = dated(here, bracket(here, self.length, self.known), self.length)
+        return a, a
 
 
 def pressed_shares(state: State) -> dict[tuple[str, str], float]:
@@ -685,7 +792,7 @@ def waves_on(state: State, modes: Callable[[float], Array]) -> Iterator[tuple[fl
                 found = heights(a)[number : number + 1]
                 return found[0] / least - 1.0 if found else -1.0
 
-            a = dated(higher, length)
+            a = dated(higher, (0.0, length), length)
             here = state.inside(a)
             for span in Wrinkling(here).spans[number : number + 1]:
                 onsets = (Onset(here, mode_heights(here, mode), WAVES) for mode in modes(a).T)
@@ -710,7 +817,9 @@ class WrinkleWatch:
     shares : dict
         Compression of the spans over what they bear, there.
     looked : tuple of State, ndarray and ndarray, or None
-        The state there, with its factors and modes.
+        The last state of this stage whose tracked modes were looked for, with these.
+    dated : set of str
+        Kinds of onsets found so far.
     missed : int
         States in which the modes were not found.
     """
@@ -721,6 +830,7 @@ class WrinkleWatch:
         self.factors, self.lowest, self.missed = np.zeros(0), 0.0, 0
         self.shares: dict[tuple[str, str], float] = {}
         self.looked: tuple[State, Array, Array] | None = None
+        self.dated = set[str]()
 
     def growth(self, shares: dict[tuple[str, str], float]) -> float:
         """Return how many times what presses any span grew since it was looked at; 0 if none is."""
@@ -748,65 +858,71 @@ class WrinkleWatch:
 
         Nothing is looked at where no span is pressed and no mode was near its onset, where the
         path has no branch or strip flows along it, and while factors that fall as compression
-        grows stay far from 1.
+        grows stay far from 1; at the lowest mode alone while it is far.
         """
         if state.plasticity is not None and state.plasticity.operator.flows:
             return []
         shares = pressed_shares(state)
         if self.plan is not state.plan:
             self.plan, self.factors, self.lowest, self.shares = state.plan, np.zeros(0), 0.0, {}
+            self.looked = None
         near = bool((self.factors < FAR_FROM_BUCKLING).any())
         grown = self.growth(shares)
         far = not grown or self.lowest > PROPORTION_MARGIN * FAR_FROM_BUCKLING * grown
         if state.branch is None or (far and not near):
             self.factors = np.zeros(0)
             return []
-        looked_at, length = dict[float, tuple[Array, Array]](), state.branch.length
-
-        def at(a: float) -> tuple[Array, Array]:
-            if a not in looked_at:
-                looked_at[a] = self._modes(state.inside(a))
-            return looked_at[a]
-
-        ahead = at(length)[0]
+        branch, length = BranchModes(state, self._modes), state.branch.length
+        if self.looked is not None and np.array_equal(self.looked[0].full, state.inside(0.0).full):
+            branch.known[0.0] = self.looked[1:]
+        if not near:
+            lowest = self._modes(state.inside(length), 1, ROUGH_TOLERANCE)[0]
+            if (lowest > FAR_FROM_BUCKLING).any():
+                self.factors, self.lowest, self.shares = lowest, float(lowest[0]), shares
+                return []
+        ahead = branch.at(length)[0]
         looked = len(self.factors) or not (ahead < FAR_FROM_BUCKLING).any()
-        before = self.factors if looked else at(0.0)[0]
+        before = self.factors if looked else branch.at(0.0)[0]
         self.factors = ahead
         self.lowest, self.shares = float(ahead.min(initial=np.inf)), shares
-        self.looked = state, *at(length)
+        self.looked = state, *branch.at(length)
         found = []
         for level, kind in DATED_FACTORS.items():
             counts = [int((factors < level).sum()) for factors in (before, self.factors)]
             for number in range(*(sorted(counts) if kind == BIFURCATION else counts)):
-
-                def excess(a: float, number: int = number, level: float = level) -> float:
-                    factors = at(a)[0]
-                    return level / float(factors[number]) - 1.0 if number < len(factors) else -1.0
-
-                if excess(0.0) * excess(length) > 0.0:  # modes are missed at one end
+                if (places := branch.dated(number, level)) is None:
                     continue
-                a = dated(excess, length, looked_at)
-                factors, modes = at(a)
+                a, known = places
+                factors, modes = branch.at(known)
                 distance = np.abs(factors - level)
                 if distance.min(initial=np.inf) < FACTOR_TOLERANCE:  # no birth of a complex pair
-                    nearest = int(distance.argmin())
-                    here = state.inside(a)
+                    nearest, here = int(distance.argmin()), state.inside(a)
                     heights = mode_heights(here, modes[:, nearest])
-                    aside = a + RATE_SHARE * length * (1.0 if a < 0.5 * length else -1.0)
-                    others = at(aside)[0]
-                    known = nearest < len(others)
-                    beside = (state.inside(aside), float(others[nearest])) if known else None
-                    found.append((a, Onset(here, heights, kind, nearest, beside)))
+                    found.append((a, Onset(here, heights, kind, nearest)))
         if ONSET_FACTOR < min(f.min(initial=np.inf) for f in (before, ahead)) < FAR_FROM_BUCKLING:
-            found += waves_on(state, lambda a: at(a)[1])
-        return [onset for _, onset in sorted(found, key=lambda each: each[0])]
+            found += waves_on(state, lambda a: branch.at(a)[1])
+        found.sort(key=lambda each: each[0])
+        return [self._with_rate(branch, a, onset) for a, onset in found]
 
-    def _modes(self, state: State) -> tuple[Array, Array]:
+    def _with_rate(self, branch: BranchModes, a: float, onset: Onset) -> Onset:
+        """Return an onset with the factor of its mode nearby, if it is the first of its kind."""
+        if onset.kind in {WAVES, *self.dated}:
+            return onset
+        self.dated.add(onset.kind)
+        aside = a + RATE_SHARE * branch.length * (1.0 if a < 0.5 * branch.length else -1.0)
+        others = branch.at(aside)[0]
+        if onset.number >= len(others):
+            return onset
+        return replace(onset, beside=(branch.state.inside(aside), float(others[onset.number])))
+
+    def _modes(
+        self, state: State, count: int = TRACKED_MODES, tolerance: float = EIGENVALUE_TOLERANCE
+    ) -> tuple[Array, Array]:
         """Return factors and modes; none where K + G is singular or ARPACK gives up."""
         self.cost.factorisations += 1
         try:
             with self.cost.timed("wrinkles"):
-                return buckling(state, TRACKED_MODES, self.solver)
+                return buckling(state, count, self.solver, tolerance)
         except (SingularTangentError, ArpackError):
             self.missed += 1
             return np.zeros(0), np.zeros((0, 0))
