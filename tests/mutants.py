@@ -485,7 +485,7 @@ ENDS = (
            "test_roller_tensions.py"),
     Mutant("friction leaves the tension alone", "borne = force + lost",
            "borne = force + 0.0 * lost", "profile"),
-    Mutant("largest error is the least", "largest.append(max((abs(", "largest.append(min((abs(",
+    Mutant("largest error is the least", "return max((abs(there", "return min((abs(there",
            "errors"),
     Mutant("error in time is that of paths", '("time", "path", "reg',
            '("path", "time", "reg', "errors"),

@@ -109,7 +109,7 @@ def test_rollers_that_press_strip_between_them_are_not_touched_by_nothing() -> N
     tables["rollers"][:0] = [{**guide, "name": "before", "centre": [-0.8, 0.0, -0.1]}]
     tables["rollers"].append({**guide, "name": "behind", "centre": [0.8, 0.0, -0.1]})
     assert not [line for line in told(Scene(**tables)) if "touched by nothing" in line]
-    tables["contact"] = {}
+    tables["contact"] = {"faces": False}
     lines = [line for line in told(Scene(**tables)) if "touched by nothing" in line]
     assert len(lines) == 2 and all("Try --set contact.faces=true, another" in x for x in lines)
 

@@ -103,6 +103,34 @@ def force_readings(state: State) -> dict[str, float]:
     return found
 
 
+def largest_differences(
+    state: State, other: State, moved: Array, clamped: Collection[str] = ()
+) -> Part:
+    """Return the largest differences of what is read off two states, also of different meshes.
+
+    Parameters
+    ----------
+    state, other : State
+    moved : ndarray, shape (unknowns,)
+        Difference of displacements, on the mesh of the other.
+    clamped : collection of str
+        Edges whose moments count, where they are held.
+    """
+
+    def largest(here: dict[str, float], there: dict[str, float]) -> float:
+        return max((abs(there[key] - here[key]) for key in here), default=0.0)
+
+    position = np.abs(moved[other.plan.model.value_unknowns]).max()
+    found = {
+        "tension": largest(tension_readings(state), tension_readings(other)),
+        "force": largest(force_readings(state), force_readings(other)),
+        "position": float(position),
+    }
+    if moments := state.clamp_moments(clamped):
+        found["moment"] = largest(moments, other.clamp_moments(clamped))
+    return found
+
+
 @dataclass
 class Budget:
     """Errors of the latest state of a run.
@@ -264,7 +292,7 @@ class Budget:
                 self.time = state.time  # as at a limit point: nothing is known of laws and meshes
                 return
             exact, change = found, found.full - state.full
-            self.parts["path"] = self._differences(state, found, change)
+            self.parts["path"] = largest_differences(state, found, change, self.clamped)
             with suppress(SingularTangentError):
                 self.parts["regularisation"] = self.by_laws(exact)
         else:
@@ -288,30 +316,14 @@ class Budget:
         given = halved.unknowns, time_words(self.assembly.estimate_seconds)
         logging.getLogger(__name__).info(told, *given)
 
+    @property
+    def clamped(self) -> list[str]:
+        """Edges that the scene clamps."""
+        return self.assembly.scene.clamped
+
     def _forget(self, lost: bool = False) -> None:
         """Forget what a finer mesh told of a state; ``lost`` if it has none of the next one."""
         self.lost, self.error, self.spans, self.bears = lost, None, [], np.inf
-
-    def _differences(self, state: State, other: State, moved: Array) -> Part:
-        """Return the largest differences of what is read off two states, also of different meshes.
-
-        Those of displacements, (unknowns,), are given, on the mesh of the other.  Moments (N) count
-        where an edge is clamped.
-        """
-
-        def largest(here: dict[str, float], there: dict[str, float]) -> float:
-            return max((abs(there[key] - here[key]) for key in here), default=0.0)
-
-        clamped = self.assembly.scene.clamped
-        position = np.abs(moved[other.plan.model.value_unknowns]).max()
-        found = {
-            "tension": largest(tension_readings(state), tension_readings(other)),
-            "force": largest(force_readings(state), force_readings(other)),
-            "position": float(position),
-        }
-        if moments := state.clamp_moments(clamped):
-            found["moment"] = largest(moments, other.clamp_moments(clamped))
-        return found
 
     def by_laws(self, state: State) -> Part | None:
         """Return what regularised laws make of a state that no past belongs to."""
@@ -356,7 +368,8 @@ class Budget:
                 plan = replace(plan, model=plan.model.with_effects(effects))
             return replace(state, plan=plan, full=full, velocity=velocity)
 
-        found = self._differences(changed(-share), changed(share), 2.0 * share * moved[0])
+        sides = changed(-share), changed(share)
+        found = largest_differences(*sides, 2.0 * share * moved[0], self.clamped)
         return {key: float(value / (2.0 * share)) for key, value in found.items()}
 
     def in_time(self, state: State, errors: Errors) -> Iterator[Part]:
@@ -469,7 +482,7 @@ class Budget:
             if self.assembly.scene.strip.bending and not plan.in_time and any(pressed):
                 self.bears = float(buckling_factors(finer).min(initial=np.inf))
         self.error = finer.full - start
-        self.parts["mesh"] = self._differences(state, finer, self.error)
+        self.parts["mesh"] = largest_differences(state, finer, self.error, self.clamped)
         for name in self.assembly.scene.edges.keys() - set(released):
             length = self.assembly.strip.edges[name].length
             self.loads[name] = (finer.edge_force(name) - state.edge_force(name)) / length
