@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -146,6 +147,8 @@ class Budget:
         By the mesh.
     time, pulled : float
         Of the state that this is the error of (s), and its largest tension (N/m).
+    took : float
+        How long the last estimate of the errors by the mesh took (s).
     loads : dict
         Edge → what the mesh makes of the force (N/m) that holds it, or that it was released with.
     spans : list of tuple of Span
@@ -162,6 +165,7 @@ class Budget:
     error: Array | None = None
     time: float = 0.0
     pulled: float = 0.0
+    took: float = 0.0
     loads: dict[str, Array] = field(default_factory=dict)
     spans: list[tuple[Span, Span]] = field(default_factory=list)
     bears: float = np.inf
@@ -303,17 +307,22 @@ class Budget:
             self.parts["regularisation"] = None  # a nip presses as its law makes of its gap
         if self.halved is not None and (state.plan.steady or self.assembly.flow is None):
             self._announce("estimating the errors by the mesh", self.halved)
+            begin = perf_counter()
             try:
                 self.look_finer(self.halved, exact, released)
             except MemoryError:  # what is solved stays; nothing is known of the mesh
                 self._forget()
+            self.took = perf_counter() - begin
         self.time = state.time
         self.pulled = max(map(abs, tension_readings(state).values()), default=0.0)
 
     def _announce(self, words: str, halved: Halved) -> None:
-        """Log what is about to be looked for on elements of half the length, and for how long."""
+        """Log what is about to be looked for on elements of half the length, and for how long.
+
+        As long as the last time, if that was longer than expected.
+        """
         told = words + ", on elements of half the length, %d unknowns, about %s"
-        given = halved.unknowns, time_words(self.assembly.estimate_seconds)
+        given = halved.unknowns, time_words(max(self.assembly.estimate_seconds, self.took))
         logging.getLogger(__name__).info(told, *given)
 
     @property
