@@ -847,6 +847,7 @@ ELSEWHERE = {
     "uneven_heat": "test_diagnosis.py",
     "pressed_by_ends": "test_diagnosis.py",
     "sinking_exit": "test_forewarnings.py",
+    "slipping_nips": "test_loops.py",
     "uneven_fibres": "test_forewarnings.py",
     "loose_fibres": "test_forewarnings.py",
     "raised_tensions": "of loose_fibres, in test_forewarnings.py",

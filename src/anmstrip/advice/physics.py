@@ -39,6 +39,7 @@ from anmstrip.simulation.defaults import (
 )
 from anmstrip.simulation.meshing import (
     MAX_LYING_TURN,
+    NIP_RANGE,
     Nip,
     axis_crossing,
     carrying_sense,
@@ -93,9 +94,6 @@ SLENDER_RUN = 1.0
 
 BENT_ITERATIONS = 20
 """Iterations of the tension after a roller, whose bending depends on itself."""
-
-NIP_RANGE = 80.0
-"""Onsets of contact over which the pressure of a nip is summed up."""
 
 NIP_SAFETY = 1.2
 """Force of a nip, an estimate, over the one by which friction would just hold the strip."""
@@ -540,7 +538,7 @@ def other_ways_to_hold(preview: Preview, end: str, pulled: Pulled, plain: bool) 
     """
     assembly, high = preview.assembly, pulled.ends[end]
     for nip in pulled.nips if assembly.rollers[0].half else ():
-        if not driven_friction(assembly, nip):
+        if not assembly.driven_friction(nip):
             continue
         squeeze = holding_squeeze(preview, end, pulled, nip)
         return (
@@ -860,8 +858,33 @@ def gathers(assembly: Assembly, stage: StageSpec, *names: str) -> bool:
         return False
     order = [roller.name for roller in thread.rollers]
     first, last = sorted(order.index(name) + 1 for name in names)
-    held, bent = assembly.layout.gathered_in(stage)
+    held, bent = assembly.gathered_in(stage)
     return bool(np.any((held + abs(bent))[first:last]))
+
+
+def slipping_nips(preview: Preview) -> Iterator[str]:
+    """Nips at unequal speeds that do not hold the tension of the strip that would gather."""
+    from scipy.optimize import brentq
+
+    assembly, tension = preview.assembly, NIP_SAFETY * preview.assembly.scales.tension
+    for nip in assembly.slipping_nips:
+        law, friction = assembly.signorini, assembly.driven_friction(nip)
+
+        def spare(squeeze: float, nip: Nip = nip, friction: float = friction) -> float:
+            closer = replace(nip, gap=nip.gap + nip.squeeze - squeeze)
+            return friction * closer.line_load(law) - tension
+
+        further = law.width
+        while spare(nip.squeeze + further) < 0.0:
+            further *= 2.0
+        squeeze = float(brentq(spare, nip.squeeze, nip.squeeze + further))
+        last = assembly.scene.stages[-1].name
+        yield (
+            f"strip that gathers between nips pulls at {' and '.join(nip.names)} with up to "
+            f"{assembly.scales.tension:.3g} N/m, and friction holds about "
+            f"{friction * nip.line_load(law):.2g} N/m there: it slips. "
+            f"Try {closer_rollers(assembly, last, nip, squeeze)}"
+        )
 
 
 def typed_speed(assembly: Assembly, stage: StageSpec, roller: Roller, speed: float) -> str:
@@ -1247,13 +1270,7 @@ def nip_friction(assembly: Assembly, nip: Nip, load: float, sure: float) -> floa
     Strip that is laid on one roller by its tension comes off the other one.
     """
     force = nip_force(assembly, nip, nip.squeeze) / (sure * assembly.strip.width)
-    return driven_friction(assembly, nip) * off_one_roller(force, load)
-
-
-def driven_friction(assembly: Assembly, nip: Nip) -> float:
-    """Return the sum of the friction coefficients of those of its rollers that are driven."""
-    driven = (assembly.specs[name] for name in nip.names if name not in assembly.turning)
-    return sum(coefficient_on(assembly.scene, spec) for spec in driven)
+    return assembly.driven_friction(nip) * off_one_roller(force, load)
 
 
 def typed_place(assembly: Assembly, stage: str, roller: Roller, centre: Array) -> str:
@@ -1583,5 +1600,5 @@ PHYSICS_RULES = (
     side_of_return, lifting_pressure, lifted_off_by_pressure, sinking_exit, turning_pull,
     nip_forces, heavy_bearings, slack_edge, uneven_fibres, loose_fibres, untouched_roller,
     sideways_entry, beyond_yield, stretched_beyond_yield, gravity_upwards, unequal_speeds,
-    opposed_nip, standing_rollers,
+    opposed_nip, slipping_nips, standing_rollers,
 )  # fmt: skip

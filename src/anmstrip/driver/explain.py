@@ -150,7 +150,7 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
 def gathered_lines(assembly: Assembly) -> Iterator[str]:
     """Yield what nips have pushed into each run by the end of stages."""
     assert assembly.thread is not None
-    stages = [(s.name, assembly.layout.gathered_in(s)[0]) for s in assembly.scene.stages]
+    stages = [(s.name, assembly.gathered_in(s)[0]) for s in assembly.scene.stages]
     for run, (first, last) in enumerate(pairwise(assembly.thread.rollers), 1):
         if any(held[run] for _, held in stages):
             told = ", ".join(f"{held[run]:.3g} m by the end of {name}" for name, held in stages)

@@ -12,10 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import trapezoid
 from skfem import MeshLine, MeshQuad
 
 from anmstrip.arrays import Array
 from anmstrip.fem.strip import grid, line
+from anmstrip.mechanics.laws import ContactLaw
 from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError, supported_catenary
 from anmstrip.scene.checks import PARALLEL_COSINE
@@ -128,6 +130,9 @@ tension between two bridle rolls is that before them to 0.2 %."""
 CURL_LINES = 0.8, 2.0
 """Distances of lines of nodes from a free edge, over the width on which it curls: between two
 bridle rolls the tension is within 0.3 % of that on elements 1.5 to 2 times shorter."""
+
+NIP_RANGE = 80.0
+"""Onsets of contact over which the pressure of a nip is summed up."""
 
 NIP_GAP = 1.0 + 1e-6
 """Gap, in thicknesses of the strip, up to which facing rollers nip it: round-off of centres."""
@@ -809,6 +814,14 @@ class Nip:
     def squeeze(self) -> float:
         """Way (m) by which both are closer than they may be without pressing the strip."""
         return float(self.first.half + self.second.half) - self.gap
+
+    def line_load(self, law: ContactLaw) -> float:
+        """Force on straight strip by a law of contact, per width (N/m)."""
+        curvature = 0.5 / self.first.radius + 0.5 / self.second.radius
+        reach = np.sqrt((max(self.squeeze, 0.0) + NIP_RANGE * law.width) / curvature)
+        x = np.linspace(-reach, reach, 2001)
+        with np.errstate(over="ignore"):
+            return float(trapezoid(law(0.5 * (curvature * x**2 - self.squeeze)), x))
 
 
 def nips_of(rollers: Sequence[Roller], thread: Thread | None, thickness: float) -> list[Nip]:

@@ -200,7 +200,7 @@ class Course:
         held, bent = start["strip.held"], 0.0 * start["strip.held"]
         change, rates, curve = slope.get("strip.held", bent), (bent, bent), dict[str, Array]()
         if not stage.steady:
-            _, gathered = self.assembly.layout.gathered_in(stage)
+            _, gathered = self.assembly.gathered_in(stage)
             bent[: len(gathered)] = gathered
             rates = (change - bent) / stage.duration, (change + bent) / stage.duration
         begun, ended = self.growing(held, rates[0]), self.growing(held + change, rates[1])
@@ -440,7 +440,7 @@ class Course:
         if (growth := self.assembly.growth) is not None and not all(held):
             centres = {r.name: end[f"rollers.{r.name}.centre"] for r in growth.rollers}
             given = self.assembly.loads_of(stage), stage.strip.temperature
-            gathered, _ = self.assembly.layout.gathered_in(stage)
+            gathered, _ = self.assembly.gathered_in(stage)
             end["strip.held"] = growth.held(centres, start["strip.held"], *given, gathered)
         return end
 
