@@ -19,6 +19,7 @@ from anmstrip.arrays import Array
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.sampling import quadrature_points, shape_of
 from anmstrip.fem.strip import Strip
+from anmstrip.mechanics.laws import ContactLaw
 from anmstrip.mechanics.roller import Roller, placed
 from anmstrip.mechanics.shell import eigenstrain
 from anmstrip.results.wrinkles import TO_SIDES
@@ -864,27 +865,30 @@ def gathers(assembly: Assembly, stage: StageSpec, *names: str) -> bool:
 
 def slipping_nips(preview: Preview) -> Iterator[str]:
     """Nips at unequal speeds that do not hold the tension of the strip that would gather."""
-    from scipy.optimize import brentq
-
-    assembly, tension = preview.assembly, NIP_SAFETY * preview.assembly.scales.tension
+    assembly, tension = preview.assembly, preview.assembly.scales.tension
+    last = assembly.scene.stages[-1].name
     for nip in assembly.slipping_nips:
         law, friction = assembly.signorini, assembly.driven_friction(nip)
-
-        def spare(squeeze: float, nip: Nip = nip, friction: float = friction) -> float:
-            closer = replace(nip, gap=nip.gap + nip.squeeze - squeeze)
-            return friction * closer.line_load(law) - tension
-
-        further = law.width
-        while spare(nip.squeeze + further) < 0.0:
-            further *= 2.0
-        squeeze = float(brentq(spare, nip.squeeze, nip.squeeze + further))
-        last = assembly.scene.stages[-1].name
+        closer = closer_rollers(assembly, last, nip, pressing(nip, law, tension / friction))
         yield (
             f"strip that gathers between nips pulls at {' and '.join(nip.names)} with up to "
-            f"{assembly.scales.tension:.3g} N/m, and friction holds about "
-            f"{friction * nip.line_load(law):.2g} N/m there: it slips. "
-            f"Try {closer_rollers(assembly, last, nip, squeeze)}"
+            f"{tension:.3g} N/m, and friction holds about {friction * nip.line_load(law):.2g} N/m "
+            f"there: it slips. Try {closer}"
         )
+
+
+def pressing(nip: Nip, law: ContactLaw, load: float) -> float:
+    """Return by how much a nip squeezes straight strip (m) that it surely presses so (N/m)."""
+    from scipy.optimize import brentq
+
+    def spare(squeeze: float) -> float:
+        other = replace(nip, gap=nip.gap + nip.squeeze - squeeze)
+        return other.line_load(law) - NIP_SAFETY * load
+
+    further = law.width
+    while spare(nip.squeeze + further) < 0.0:
+        further *= 2.0
+    return float(brentq(spare, nip.squeeze, nip.squeeze + further))
 
 
 def typed_speed(assembly: Assembly, stage: StageSpec, roller: Roller, speed: float) -> str:
