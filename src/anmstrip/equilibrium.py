@@ -647,7 +647,7 @@ class StageProblem:
 
     def before(self, past: StageProblem | None) -> dict[str, Array]:
         """Velocities of rollers that jump as this stage begins, with their values before."""
-        then = past.controls.start if past is not None and past.in_time else {}
+        then = past.controls.at(1.0) if past is not None and past.in_time else {}
         moving = (".velocity", ".drift", ".taking_up")
         now = {n: v for n, v in self.controls.start.items() if n.endswith(moving)}
         velocities = {name: then.get(name, np.zeros_like(v)) for name, v in now.items()}

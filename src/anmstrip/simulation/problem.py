@@ -381,7 +381,7 @@ class Assembly:
         return Growth.of(self.layout, np.unique(self.strip.mesh.p[0]))
 
     def gathered_in(self, stage: StageSpec) -> tuple[Array, Array]:
-        """What :meth:`Layout.gathered_in` returns; nothing where a nip lets the strip slip."""
+        """Return what :meth:`Layout.gathered_in` does, nothing where a nip lets the strip slip."""
         held, bent = self.layout.gathered_in(stage)
         return (0.0 * held, 0.0 * bent) if self.slipping_nips else (held, bent)
 
