@@ -363,7 +363,7 @@ class Layout:
         """Runs that hang through, at their least tension in a stage.
 
         An element of length h along a curvature κ is stretched by (κ h)⁴/720, as a cubic is, which
-        is a share of T/(E t); κ = w/T.
+        is a share of T/(E t); κ = q/T with the weight q across the run.
         """
         thread, scene = self.thread, self.scene
         if thread is None or not any(stage.gravity for stage in scene.stages):
@@ -371,15 +371,18 @@ class Layout:
         spans = np.diff([-self.half, *np.ravel([*thread.arcs.values()]), self.half])[::2]
         begins = [-self.half, *(last for _, last in thread.arcs.values())]
         sizes = np.full(len(begins), np.inf)
+        path = thread.middle
+        x, z = path.at(path.starts[1::2, 0], 0)[0] - path.points[:, ::2, 0]
+        level = np.abs(x) / np.maximum(np.hypot(x, z), np.finfo(float).tiny)
         for stage, loads in zip(scene.stages, loads_in_stages(scene), strict=True):
-            if loads.weight <= 0.0:
-                continue
+            weights = loads.weight * level
             pulls = pulls_of_runs(thread, loads) * np.cos(hanging_runs(thread, loads)[:, 2])
             sags = np.sqrt(0.375 * spans * self.gathered[stage.name][0])
-            loops = np.divide(loads.weight * spans**2, 8.0 * sags, out=pulls, where=sags > 0.0)
-            loose = np.maximum(loops, 0.125 * loads.weight * spans)
+            loops = np.divide(weights * spans**2, 8.0 * sags, out=pulls, where=sags > 0.0)
+            loose = np.maximum(loops, 0.125 * weights * spans)
             strain = 720.0 * LOOP_STRETCH * loose / loads.stiffness
-            sizes = np.minimum(sizes, strain**0.25 * loose / loads.weight)
+            size = np.divide(strain**0.25 * loose, weights, out=sizes.copy(), where=weights > 0.0)
+            sizes = np.fmin(sizes, size)
         for begin, span, size in zip(begins, spans, sizes, strict=True):
             yield Zone(float(begin), float(begin + span), float(size))
 
