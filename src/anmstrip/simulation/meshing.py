@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import trapezoid
 from skfem import MeshLine, MeshQuad
 
 from anmstrip.arrays import Array
@@ -820,6 +819,8 @@ class Nip:
 
     def line_load(self, law: ContactLaw) -> float:
         """Force on straight strip by a law of contact, per width (N/m)."""
+        from scipy.integrate import trapezoid  # slow to import
+
         curvature = 0.5 / self.first.radius + 0.5 / self.second.radius
         reach = np.sqrt((max(self.squeeze, 0.0) + NIP_RANGE * law.width) / curvature)
         x = np.linspace(-reach, reach, 2001)
