@@ -19,7 +19,6 @@ from anmstrip.arrays import Array
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.sampling import quadrature_points, shape_of
 from anmstrip.fem.strip import Strip
-from anmstrip.mechanics.laws import ContactLaw
 from anmstrip.mechanics.roller import Roller, placed
 from anmstrip.mechanics.shell import eigenstrain
 from anmstrip.results.wrinkles import TO_SIDES
@@ -868,18 +867,21 @@ def slipping_nips(preview: Preview) -> Iterator[str]:
     assembly, tension = preview.assembly, preview.assembly.scales.tension
     last = assembly.scene.stages[-1].name
     for nip in assembly.slipping_nips:
-        law, friction = assembly.signorini, assembly.driven_friction(nip)
-        closer = closer_rollers(assembly, last, nip, pressing(nip, law, tension / friction))
+        friction = assembly.driven_friction(nip)
+        held = friction * nip.line_load(assembly.signorini)
+        closer = closer_rollers(assembly, last, nip, pressing(assembly, nip, tension / friction))
         yield (
             f"strip that gathers between nips pulls at {' and '.join(nip.names)} with up to "
-            f"{tension:.3g} N/m, and friction holds about {friction * nip.line_load(law):.2g} N/m "
-            f"there: it slips. Try {closer}"
+            f"{tension:.3g} N/m, and friction holds about {held:.2g} N/m there: it slips. "
+            f"Try {closer}"
         )
 
 
-def pressing(nip: Nip, law: ContactLaw, load: float) -> float:
+def pressing(assembly: Assembly, nip: Nip, load: float) -> float:
     """Return by how much a nip squeezes straight strip (m) that it surely presses so (N/m)."""
     from scipy.optimize import brentq
+
+    law = assembly.signorini
 
     def spare(squeeze: float) -> float:
         other = replace(nip, gap=nip.gap + nip.squeeze - squeeze)

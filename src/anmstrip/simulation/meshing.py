@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,6 @@ from skfem import MeshLine, MeshQuad
 
 from anmstrip.arrays import Array
 from anmstrip.fem.strip import grid, line
-from anmstrip.mechanics.laws import ContactLaw
 from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError, supported_catenary
 from anmstrip.scene.checks import PARALLEL_COSINE
@@ -38,6 +37,9 @@ from anmstrip.simulation.defaults import (
     thermal_growth,
 )
 from anmstrip.simulation.threading import Interval, Thread
+
+if TYPE_CHECKING:
+    from anmstrip.mechanics.laws import ContactLaw
 
 MAX_ELEMENTS = 250_000
 """Of a strip; the tangent of a shell of so many takes tens of gigabytes."""
