@@ -188,9 +188,10 @@ def heavy_elastica(span: float, length: float, slope: float) -> tuple[float, flo
 def test_a_loop_hangs_as_heavy_elastica_do() -> None:
     """Its length is what gathered; labels stay, so that it takes some 100 tangents.
 
-    With labels that are carried over the second nip it took 600 and the bottom bore 0.4 N/m.
+    With labels that are carried over the second nip it took 600.  On elements as long as those of
+    straight runs the depth is off by 1.1e-3 of itself.
     """
-    run = Run(pit(FILL, ON))
+    run = Run(pit(FILL, ON | {"duration": 5.0}))
     steps = list(run)
     states = [step.state for step in steps]
     assert run.outcome.done
@@ -200,7 +201,7 @@ def test_a_loop_hangs_as_heavy_elastica_do() -> None:
     held, first = (
         np.diff(each.unstressed_length(np.array(nips)))[0] for each in (states[-1], before)
     )
-    assert held - first == pytest.approx(0.25, abs=2e-5)
+    assert held - first == pytest.approx(0.55, abs=2e-5)
     labels = np.linspace(*nips, 20_001)
     x, _, z = states[-1].way(labels).T
     chords = np.hypot(np.diff(x), np.diff(z))
