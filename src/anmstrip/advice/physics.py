@@ -867,7 +867,8 @@ def slipping_nips(preview: Preview) -> Iterator[str]:
     assembly, tension = preview.assembly, preview.assembly.scales.tension
     last = assembly.scene.stages[-1].name
     for nip in assembly.slipping_nips:
-        friction = assembly.driven_friction(nip)
+        if not (friction := assembly.driven_friction(nip)):
+            continue
         held = friction * nip.line_load(assembly.signorini)
         closer = closer_rollers(assembly, last, nip, pressing(assembly, nip, tension / friction))
         yield (

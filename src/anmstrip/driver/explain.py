@@ -646,7 +646,7 @@ def cell(value: float | None, form: str = ".4g") -> str:
 def error_table(run: Run) -> Table:
     """Return the estimated errors of the last state, by what makes them."""
     heads, rows = error_rows(run.errors())
-    heads = [" ".join(head.split(" ")[:-1]) + "\n" + head.split(" ")[-1] for head in heads]
+    heads = ["\n".join(head.rpartition(" ")[::2]) for head in heads]  # units below
     table = plain_table("Estimated errors, the largest of each kind", *heads)
     for row in rows:
         table.add_row(*row)

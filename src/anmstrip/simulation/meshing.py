@@ -591,8 +591,9 @@ class Layout:
                 for drive in (other, one)
                 if drive in speeds
             }
+            in_time = stage in opened and not stage.steady
             for run, (first, second) in enumerate(pairwise(names), 1):
-                if {first, second} <= brought.keys() and stage in opened and not stage.steady:
+                if in_time and {first, second} <= brought.keys() and (first, second) not in pairs:
                     begun, ended = 0.5 * stage.duration * (brought[first] - brought[second])
                     held[run] = max(0.0, held[run] + begun + ended)
                     bent[run] = (ended - begun) * (held[run] > 0.0)
