@@ -659,7 +659,7 @@ EVENTS = (
         "float(value_at(gap[:, column], a)) * 1.001",
         "events",
     ),
-    Mutant("another number of a point", "self.contact.operator.chosen[pair]", "column", "events"),
+    Mutant("another number of a point", "self.contact.sampling.chosen[pair]", "column", "events"),
     Mutant(
         "first contact of a roller is not told",
         "if touches != touched:",

@@ -54,6 +54,8 @@ class Model:
     turning : sequence of str, optional
         Rollers that turn freely: the travels of their surfaces (m) follow the strip's unknowns, in
         steady stages their speeds (m/s).
+    pressing : int, optional
+        Number of rollers that given forces press on the strip: their shifts (m) follow.
     conveyed : bool, optional
         Whether the unknown after these is the speed (m/s) of strip in steady stages beside its
         control.
@@ -68,7 +70,7 @@ class Model:
     seconds : dict
         Time spent in every effect so far.
     coupled : int
-        Unknowns of the strip, of the rollers that turn freely, and its speed.
+        Unknowns of the strip, of rollers that turn freely or are pressed, and its speed.
     unknowns : int
         All of them.
     """
@@ -78,12 +80,13 @@ class Model:
     effects: Sequence[Effect]
     scales: Scales
     turning: Sequence[str] = ()
+    pressing: int = 0
     conveyed: bool = False
     pull: Array | None = None
     internal: Array = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
-        strip, self.others = self.strip, len(self.turning) + self.conveyed
+        strip, self.others = self.strip, len(self.turning) + self.pressing + self.conveyed
         self.coupled = strip.unknowns + self.others
         self.unknowns = self.coupled + len(self.internal)
         self.seconds = {effect.name: 0.0 for effect in self.effects}
@@ -613,8 +616,9 @@ class StageProblem:
             return None
         growth = self.controls.at(control).get("strip.growth", 1.0)
         velocity, model = self.carried(full, self.strip_speed(full, control) / growth), self.model
-        others = full[model.strip.unknowns : model.coupled - 1]
-        return np.concatenate([velocity, others, np.zeros(1 + len(model.internal))])
+        first, count = model.strip.unknowns, len(model.turning)
+        still = np.zeros(model.unknowns - first - count)
+        return np.concatenate([velocity, full[first : first + count], still])
 
     def carried(self, full: Array, speed: Any) -> Array:
         """Velocity c ∂r/∂X of strip that moves through its own shape, (unknowns of the strip,)."""

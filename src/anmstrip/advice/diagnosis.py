@@ -118,7 +118,7 @@ def locate(evidence: Evidence, state: State, threaded: bool) -> Location | None:
     element = float(strip.cell_sizes[0][(mesh.t == node).any(axis=0)].max())
     gaps = [(np.inf, "")]
     if (contact := state.contact) is not None:
-        x, look = contact.operator.whole.reference, contact.look(state.full, state.controls)
+        x, look = contact.sampling.whole.reference, contact.look(state.full, state.controls)
         near = np.array([np.abs(x[: len(point)] - point[:, None]).sum(axis=0).argmin()])
         for name, part in contact.by_roller.items():
             gaps.append((float(part.restricted(near).gap(look, state.controls)[0]), name))

@@ -107,7 +107,7 @@ PLACE_DECIMALS = 9
 
 def meeting_rollers(preview: Preview) -> Iterator[str]:
     """Rollers that move into one another: those that press the strip may come as far as that."""
-    pressed = [set(nip.names) for found in preview.assembly.layout.nips for nip in found]
+    pressed = [set(nip.names) for found in preview.assembly.nips for nip in found]
     for plan in preview.plans:
         end = plan.controls.at(1.0)
         moving = {key for key, slope in plan.controls.slope.items() if np.any(slope)}
@@ -192,7 +192,7 @@ def roller_in_the_way(preview: Preview) -> Iterator[str]:
     assembly = preview.assembly
     if assembly.thread is None:
         return
-    drawn, *_ = assembly.layout.nips
+    drawn, *_ = assembly.nips
     nipping = {name for nip in drawn if nip.gap >= 0.0 for name in nip.names}
     for roller in assembly.rollers:
         inside = -preview.strings[0].gaps.get(roller.name, 0.0)
@@ -273,7 +273,7 @@ def untouched_roller(preview: Preview) -> Iterator[str]:
 
 def closest_nip(preview: Preview, roller: Roller) -> float:
     """Return the largest squeeze (m) of nips between which a roller presses strip, −∞ of none."""
-    stages = preview.assembly.layout.nips
+    stages = preview.assembly.nips
     found = [nip.squeeze for nips in stages for nip in nips if roller.name in nip.names]
     return max(found, default=-np.inf)
 
@@ -426,7 +426,7 @@ def pulled_at_both_ends(preview: Preview) -> Iterator[Pulled]:
     pulls, torques, weight = dict.fromkeys(ENDS, first), dict[str, float](), 0.0
     given = set[str]()  # ends whose tension is known, held as they may be
     course, known = Course(assembly), {plan.name for plan in preview.plans}
-    for stage, nips in zip(scene.stages, assembly.layout.nips[1:], strict=True):
+    for stage, nips in zip(scene.stages, assembly.nips[1:], strict=True):
         before = dict(pulls)
         torques |= {n: c.torque for n, c in stage.rollers.items() if c.torque is not None}
         if stage.gravity is not None:
@@ -914,7 +914,7 @@ def opposed_nip(preview: Preview) -> Iterator[str]:
     rub = {spec.name for spec in assembly.scene.rollers if coefficient_on(assembly.scene, spec)}
     driven = [roller for roller in assembly.driven if roller.name in rub]
     carried = carrying_speeds(assembly, driven)
-    for (stage, last), nips in zip(carried, assembly.layout.nips[1:], strict=True):
+    for (stage, last), nips in zip(carried, assembly.nips[1:], strict=True):
         for nip in nips if stage.steady or assembly.rubs(stage) else ():
             pair = (nip.second, nip.first)
             speeds = {roller.name: last.get(roller.name, 0.0) for roller in pair}
@@ -1185,7 +1185,7 @@ def nip_forces(preview: Preview) -> Iterator[str]:
     assembly, thickness = preview.assembly, preview.assembly.strip.thickness
     narrowest = dict[tuple[str, str], tuple[Nip, str]]()
     stages = ["", *(stage.name for stage in assembly.scene.stages)]
-    found = assembly.layout.nips
+    found = assembly.nips
     for stage, each in ((s, nip) for s, nips in zip(stages, found, strict=True) for nip in nips):
         if each.names not in narrowest or each.gap < narrowest[each.names][0].gap:
             narrowest[each.names] = each, stage

@@ -312,10 +312,7 @@ def softest_motions(factors: Factors, metric: Array) -> Iterator[tuple[float, Ar
 def free_motions(preview: Preview) -> Iterator[str]:
     """Yield what nothing holds in any stage, as far as its state is known before a run."""
     assembly, known, told = preview.assembly, set[object](), set[str]()
-    guess = None
-    if assembly.thread is not None:
-        guess = np.zeros(assembly.unknowns)
-        guess[: assembly.strip.unknowns] = assembly.laid
+    guess = None if assembly.thread is None else assembly.laid
     for plan in preview.plans:
         acting = (plan.supports.free.tobytes(), *(effect.name for effect in plan.model.effects))
         if acting in known:

@@ -17,7 +17,6 @@ import numpy as np
 
 from anmstrip.arrays import Array
 from anmstrip.errors import InputError, Mistake, toml_text
-from anmstrip.mechanics.roller import placed
 from anmstrip.results import files
 from anmstrip.results.fields import PROFILE_COLUMNS, FieldSampler, Profile
 from anmstrip.results.rollers import STEP_READINGS
@@ -172,8 +171,8 @@ class Recorder:
         write_surface(self.directory / strip, points, cells, fields)
         self.strip.add(state.time, strip)
         if self.assembly.rollers:
-            here = placed(self.assembly.rollers, state.controls)
-            moved = [replace(r, centre=tuple(r.centre + origin)) for r in here]
+            drawn = self.assembly.rollers
+            moved = [replace(r, centre=tuple(state.centre(r.name) + origin)) for r in drawn]
             angles = [roller.sense * self.turned[roller.name] / roller.radius for roller in moved]
             write_rollers(self.directory / rollers, moved, angles, self.assembly.strip.width)
             self.rollers.add(state.time, rollers)

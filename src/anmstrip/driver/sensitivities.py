@@ -444,7 +444,7 @@ class Readings:
         found["strip_speed"] = float(change[model.coupled - 1]) + (self.key == "strip.speed")
         pushes, drags = (tangent.on_rollers(name, change, self.explicit) for name in tangent.areas)
         count, places = model.strip.kinematics.count, list(tangent.order.values())
-        each = -model.strip.kinematics.embed(pushes + drags[:count]).T[places]
+        each = -model.strip.kinematics.embed(pushes[:count] + drags[:count]).T[places]
         passages = state.passages
         passed = np.repeat(range(len(passages)), [len(passage.names) for passage in passages])
         gained = np.zeros((len(passages), 3))
@@ -563,7 +563,7 @@ class Oscillation:
         A roller that is yawed moves its surface with w × (r − c), w the vertical.
         """
         tangent, state = self.tangent, self.tangent.state
-        operator = tangent.friction.contact.operator
+        operator = tangent.friction.contact.sampling
         moved = operator.apply(state.full)
         surface = np.zeros_like(moved)
         for number, roller in enumerate(tangent.friction.roller.members):
@@ -604,7 +604,7 @@ class Oscillation:
         matrix = csc_matrix((k + 1j * omega * c).multiply(d[:, None]).multiply(d))
         u = -splu(matrix).solve((static + 1j * omega * moving) * d) * d
         full = supports.change(u.real, 0.0) + 1j * supports.change(u.imag, 0.0)
-        moved = tangent.friction.contact.operator
+        moved = tangent.friction.contact.sampling
         velocity = 1j * omega * (moved.apply(full.real) + 1j * moved.apply(full.imag))
         rubbing = np.einsum("ijp,ip->jp", self.by_velocity, velocity) + 1j * omega * self.rate
         real = {**self.explicit, "friction": self.explicit.get("friction", 0.0) + rubbing.real}

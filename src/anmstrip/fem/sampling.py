@@ -6,7 +6,7 @@ from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any, Self, TypeVar
+from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -288,6 +288,57 @@ class SlopeOperator(ContactOperator):
         """Add Lᵀ w (J_0 L + J_1 L,x), J of shape (2 count, count, points)."""
         self._add_tangent(derivative[: self.count], self.table, pattern, blocks)
         self._add_tangent(derivative[self.count :], self.slope_table, pattern, blocks)
+
+
+class RollerUnknowns(NamedTuple):
+    """Unknowns of rollers, one for each, that points see."""
+
+    which: Index  # number of that of each point's roller, below 0 if it has none, (points,)
+    count: int
+    first: int  # number of the first of them among all unknowns
+
+    @property
+    def matrix(self) -> csr_matrix:
+        """What takes them to the points, zero where there is none, shape (points, count)."""
+        points = np.flatnonzero(self.which >= 0)
+        index, shape = (points, self.which[points]), (len(self.which), self.count)
+        return csr_matrix((np.ones(len(points)), index), shape=shape)
+
+
+class RollerOperator(LinearOperator):
+    """Values at contact points of the strip, and below them unknowns of the rollers they see.
+
+    Parameters
+    ----------
+    contact : ContactOperator
+    seen : RollerUnknowns
+        One row for each.
+    """
+
+    def __init__(self, contact: ContactOperator, *seen: RollerUnknowns) -> None:
+        self.contact, self.points = contact, contact.points
+        self.seen = [(unknowns.matrix, unknowns.first) for unknowns in seen]
+
+    @property
+    def weights(self) -> Array:
+        """Area that belongs to each point (m²)."""
+        return self.contact.weights
+
+    @property
+    def matrices(self) -> tuple[list[Part], list[Part]]:  # type: ignore[override]
+        """L as sparse matrices, and that of which forces are the transposed."""
+        found = []
+        for own in self.contact.matrices:
+            row = sum(part.count for part in own)
+            seen = enumerate(self.seen, row)
+            found.append([*own, *(Part(m, self.weights, first, row=k) for k, (m, first) in seen)])
+        return found[0], found[1]
+
+    def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
+        """Add Lᵀ w J L, J[j, i] of shape (inputs, outputs, points)."""
+        inputs, outputs = (sum(part.count for part in own) for own in self.contact.matrices)
+        self.contact.add_tangent(derivative[:inputs, :outputs], pattern, blocks)
+        super().add_tangent(derivative, pattern, blocks)
 
 
 def contact_points(strip: Strip) -> Array:

@@ -9,10 +9,12 @@ from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.geometry import SHELL, Kinematics
-from anmstrip.fem.sampling import ContactOperator, remember
+from anmstrip.fem.operators import LinearOperator, Part
+from anmstrip.fem.sampling import ContactOperator, RollerOperator, RollerUnknowns, remember
 from anmstrip.mechanics.effects import (
     LAW_WIDTH,
     Controls,
@@ -24,7 +26,7 @@ from anmstrip.mechanics.effects import (
     scale_speeds,
 )
 from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
-from anmstrip.mechanics.roller import Projection, Roller
+from anmstrip.mechanics.roller import Projection, Roller, at_points
 
 LONGEST_WAY = 0.25
 """Longest way of a point between two looks, in radii; it is taken as straight in between."""
@@ -108,23 +110,77 @@ class PointEffect(LawEffect):
         raise NotImplementedError
 
 
+@dataclass(frozen=True, eq=False)
+class PressedRollers(LawEffect):
+    """Rollers that given forces press on the strip: how far they shift is unknown.
+
+    Each shifts along a line by q, of which points of the strip see −q; what they then answer with
+    is in equilibrium with the force.  Controls: ``rollers.NAME.press`` (N).
+
+    Attributes
+    ----------
+    names : sequence of str
+    ways : ndarray, shape (rollers, 3)
+        Unit vectors along which they shift.
+    first : int
+        Number of the first of their unknowns.
+    """
+
+    names: Sequence[str]
+    ways: Array
+    first: int
+
+    name = "press"
+
+    @property
+    def stop(self) -> int:
+        """Number of the unknown behind theirs."""
+        return self.first + len(self.names)
+
+    def number(self, name: str) -> int:
+        """Return the number of a roller among them, −1 of one that is not pressed."""
+        return self.names.index(name) if name in self.names else -1
+
+    def way(self, name: str) -> Array:
+        """Return the unit vector along which a roller shifts; 0 of one that is not pressed."""
+        return self.ways[self.number(name)] if name in self.names else np.zeros(3)
+
+    def shift(self, name: str, full: Array) -> Array:
+        """Return how far a roller has shifted in a state (m), shape (3,)."""
+        return self.way(name) * full[self.first + self.number(name)]
+
+    @cached_property
+    def operator(self) -> LinearOperator:  # type: ignore[override]
+        """The rollers are their own points."""
+        count = len(self.names)
+        parts = [Part(csr_matrix(np.eye(count)), np.ones(count), self.first)]
+        return LinearOperator(count, (parts, parts))
+
+    def law(self, x: Any, v: Any, controls: Values) -> Any:
+        """Residual (N), minus the forces, shape (1, rollers)."""
+        given = [controls[f"rollers.{name}.press"] for name in self.names]
+        return np.stack([x[0] * 0.0 - at_points(given, np.arange(len(given)))])
+
+
 @dataclass(frozen=True)
 class Contact(PointEffect):
     """Normal tractions R n of rollers at points of the strip.
 
-    Controls: ``rollers.NAME.centre`` (m).
+    Controls: ``rollers.NAME.centre`` (m), from which the unknown shift counts of one that is
+    pressed.
 
     Attributes
     ----------
     roller : Roller
     signorini : ContactLaw
         In pressures.
-    operator : ContactOperator
+    sampling : ContactOperator
         At the points, once for every roller.
     reach : float or sequence of float
         Gap (m) beyond which a point is left out, for all or for each roller.
     kinematics : Kinematics
         Which displacements the points have.
+    pressed : PressedRollers or None
     latest : dict
         The neighbours that were looked up last.
     reached : dict
@@ -133,13 +189,42 @@ class Contact(PointEffect):
 
     roller: Roller
     signorini: ContactLaw
-    operator: ContactOperator
+    sampling: ContactOperator
     reach: float | Sequence[float] = np.inf
     kinematics: Kinematics = SHELL
+    pressed: PressedRollers | None = None
     latest: dict[str, Neighbours] = field(default_factory=dict, init=False, compare=False)
     reached: dict[bytes, Index] = field(default_factory=dict, init=False, compare=False)
 
     name = "contact"
+
+    @cached_property
+    def operator(self) -> ContactOperator | RollerOperator:  # type: ignore[override]
+        """Operator to the points, and to the shifts of the rollers that they see."""
+        return RollerOperator(self.sampling, *self.shifts) if self.pressed else self.sampling
+
+    @property
+    def shifts(self) -> list[RollerUnknowns]:
+        """What the points see of rollers that are pressed: one entry, if there are any."""
+        if self.pressed is None:
+            return []
+        numbers = [self.pressed.number(roller.name) for roller in self.roller.members]
+        which = np.array(numbers)[self.roller.seen_by(self.sampling.points)]
+        return [RollerUnknowns(which, len(self.pressed.names), self.pressed.first)]
+
+    @cached_property
+    def ways(self) -> Array:
+        """Unit vectors along which the points' rollers shift, (components[, points])."""
+        assert self.pressed is not None
+        ways = [self.pressed.way(roller.name) for roller in self.roller.members]
+        return np.asarray(self.kinematics.chosen @ self.roller.of(ways))
+
+    def answered(self, force: Any) -> Any:
+        """Residual per area of the strip, and below it that of the shifts of pressed rollers."""
+        if self.pressed is None:
+            return force
+        along = sum(way * own * -1.0 for way, own in zip(self.ways, force, strict=True))
+        return np.stack([*force, along])
 
     @cached_property
     def reaches(self) -> Any:
@@ -166,20 +251,20 @@ class Contact(PointEffect):
         reaches = np.broadcast_to(np.asarray(self.reach, dtype=float), len(self.roller.members))
         found = {}
         for roller, reach, numbers in zip(self.roller.members, reaches, self.numbers, strict=True):
-            operator = self.operator.restricted(numbers)
-            found[roller.name] = replace(self, roller=roller, operator=operator, reach=float(reach))
+            sampling = self.sampling.restricted(numbers)
+            found[roller.name] = replace(self, roller=roller, sampling=sampling, reach=float(reach))
         return found
 
     @cached_property
     def numbers(self) -> list[Index]:
         """Numbers of the pairs of each roller."""
-        which = self.roller.seen_by(self.operator.points)
+        which = self.roller.seen_by(self.sampling.points)
         ends = np.bincount(which, minlength=len(self.roller.members)).cumsum()[:-1]
         return np.split(np.argsort(which, kind="stable"), ends)
 
     def _part(self, points: Index) -> Self:
-        operator, roller = self.operator.restricted(points), self.roller.restricted(points)
-        return replace(self, operator=operator, roller=roller)
+        sampling, roller = self.sampling.restricted(points), self.roller.restricted(points)
+        return replace(self, sampling=sampling, roller=roller)
 
     @cached_property
     def view(self) -> Array:
@@ -190,17 +275,29 @@ class Contact(PointEffect):
     @cached_property
     def origin(self) -> Array:
         """Reference positions in the frames, shape (rows, points)."""
-        return np.asarray(transform(self.roller.frame[: self.roller.rows], self.operator.reference))
+        return np.asarray(transform(self.roller.frame[: self.roller.rows], self.sampling.reference))
 
-    def position(self, x: Any, controls: Values) -> Any:
-        """Displaced points in the rollers' frames, (rows, points), on arrays or series."""
-        centre = control_of(self.roller, controls, "centre")
+    def position(self, x: Any, controls: Values, row: int | None = None) -> Any:
+        """Displaced points in the rollers' frames, (rows, points), on arrays or series.
+
+        Parameters
+        ----------
+        x : array or Series, shape (rows of an operator, points)
+        controls : mapping
+        row : int, optional
+            Where the shifts of rollers that are pressed stand in x, else below displacements.
+        """
+        centre, count = control_of(self.roller, controls, "centre"), self.kinematics.count
         offset = self.origin - transform(self.roller.frame[: self.roller.rows], centre)
-        return transform(self.view, x) + offset
+        moved = x[:count]
+        if self.pressed is not None:
+            shift = x[count if row is None else row]
+            moved = moved - np.stack([way * shift for way in self.ways])
+        return transform(self.view, moved) + offset
 
-    def seen(self, x: Any, controls: Values) -> Projection:
-        """Return the projections of displaced points on the roller, arrays or series."""
-        return self.roller.project(self.position(x, controls))
+    def seen(self, x: Any, controls: Values, row: int | None = None) -> Projection:
+        """Return the projections of displaced points on the roller, see :meth:`position`."""
+        return self.roller.project(self.position(x, controls, row))
 
     def crossing(self, states: Callable[[Array], Iterable[Moment]]) -> float | None:
         """Return where a step crosses a roller, as a share of it; see :func:`deepest_place`.
@@ -230,11 +327,14 @@ class Contact(PointEffect):
             near = self._looked_up(*first[0], 2.0 * farthest)
 
     def look(self, full: Array, controls: Values) -> Look:
-        """Unknowns of the strip, and centres of the rollers."""
-        return full[: self.operator.whole.unknowns], self.centres(controls)
+        """Unknowns of strip and rollers that are looked at, and centres of the rollers."""
+        if self.pressed is None:
+            return full[: self.sampling.whole.unknowns], self.centres(controls)
+        shifts = [self.pressed.shift(roller.name, full) for roller in self.roller.members]
+        return full[: self.pressed.stop], self.centres(controls) + np.array(shifts)
 
     def centres(self, controls: Values) -> Array:
-        """Centres of the rollers (m), (rollers, 3)."""
+        """Centres of the rollers (m) but for unknown shifts, (rollers, 3)."""
         names = (f"rollers.{roller.name}.centre" for roller in self.roller.members)
         return np.array([controls[name] for name in names])
 
@@ -247,8 +347,8 @@ class Contact(PointEffect):
         """
         latest = self.latest.get("neighbours")
         if latest is None or not latest.moved(look) <= latest.skin:
-            if self.operator.points <= ALWAYS_CHECKED:
-                pairs = np.arange(self.operator.points)
+            if self.sampling.points <= ALWAYS_CHECKED:
+                pairs = np.arange(self.sampling.points)
                 latest = Neighbours(self._part(pairs), pairs, np.inf, *look)
             else:
                 skin = min(float(roller.radius) for roller in self.roller.members)
@@ -259,14 +359,14 @@ class Contact(PointEffect):
     def _looked_up(self, look: Look, controls: Values, skin: float) -> Neighbours:
         """Pairs that may come within reach while nothing moves farther than the skin (m)."""
         found, farthest = [], GAP_RATE * skin
-        whole = self.operator.whole
+        whole = self.sampling.whole
         places = (whole.reference + self.kinematics.embed(whole.apply(look[0])))[[0, 2]]
-        for numbers, part in zip(self.numbers, self.by_roller.values(), strict=True):
+        rollers = zip(self.numbers, self.by_roller.values(), look[1], strict=True)
+        for numbers, part, centre in rollers:
             roller, points, reach = part.roller, np.arange(part.points), float(np.max(part.reach))
             if roller.is_across and np.isfinite(reach):  # of others gaps alone tell it
-                centre = np.asarray(controls[f"rollers.{roller.name}.centre"])[[0, 2]]
                 reached = roller.radius + roller.half + reach + farthest
-                points = np.flatnonzero(((places.T - centre) ** 2).sum(axis=1) < reached**2)
+                points = np.flatnonzero(((places.T - centre[[0, 2]]) ** 2).sum(axis=1) < reached**2)
             near = part._part(points).gap(look, controls) < part.reaches + farthest
             found.append(numbers[points[near]])
         pairs = np.sort(np.concatenate(found))
@@ -296,8 +396,8 @@ class Contact(PointEffect):
 
     def elements_near(self, full: Array, controls: Values) -> list[Index]:
         """Elements with a point within reach of each roller, in ascending order."""
-        near, whole = self.near(full, controls), self.operator.whole
-        which, elements = near.roller.seen_by(near.points), whole.owners[near.operator.chosen]
+        near, whole = self.near(full, controls), self.sampling.whole
+        which, elements = near.roller.seen_by(near.points), whole.owners[near.sampling.chosen]
         pairs = np.unique((which[:, None] * len(whole.cells) + elements)[elements >= 0])
         roller, element = np.divmod(pairs, len(whole.cells))
         return np.split(element, np.searchsorted(roller, np.arange(1, len(self.roller.members))))
@@ -309,8 +409,8 @@ class Contact(PointEffect):
         """
         look = self.look(full, controls)
         near = self.neighbours(look, controls).part
-        gaps = np.full(self.operator.whole.points, np.inf)
-        np.minimum.at(gaps, near.operator.chosen, near.gap(look, controls))
+        gaps = np.full(self.sampling.whole.points, np.inf)
+        np.minimum.at(gaps, near.sampling.chosen, near.gap(look, controls))
         far = np.flatnonzero(gaps > np.min(self.reach))
         for part in self.by_roller.values() if far.size else ():
             gaps[far] = np.minimum(gaps[far], part.restricted(far).gap(look, controls))
@@ -329,7 +429,7 @@ class Contact(PointEffect):
         """Residual per area: minus the traction of the roller, (components, points)."""
         place = self.seen(x, controls)
         traction = self.roller.normal(place, self.pressure(place))
-        return transform(-self.view.swapaxes(0, 1), traction)
+        return self.answered(transform(-self.view.swapaxes(0, 1), traction))
 
 
 @dataclass(frozen=True)
@@ -341,7 +441,7 @@ class Sight(LawEffect):
     name = "sight"
 
     @property
-    def operator(self) -> ContactOperator:  # type: ignore[override]
+    def operator(self) -> ContactOperator | RollerOperator:  # type: ignore[override]
         """Operator of the contact."""
         return self.contact.operator
 
@@ -380,7 +480,7 @@ class Neighbours:
         """
         if self.skin == np.inf:
             return 0.0
-        points = self.part.operator.whole.apply(here[0] - self.full)
+        points = self.part.sampling.whole.apply(here[0] - self.full)
         moved = math.sqrt((points**2).sum(axis=0).max(initial=0.0))
         rollers = here[1] - self.centres
         return moved + math.sqrt((rollers**2).sum(axis=1).max(initial=0.0))
@@ -418,7 +518,7 @@ class Friction(PointEffect):
         return self.contact.roller
 
     @property
-    def operator(self) -> ContactOperator:  # type: ignore[override]
+    def operator(self) -> ContactOperator | RollerOperator:  # type: ignore[override]
         """Operator of the contact."""
         return self.contact.operator
 
@@ -469,7 +569,7 @@ class Friction(PointEffect):
     def slip(self, place: Projection, tangents: Any, v: Any, controls: Values) -> Any:
         """Tangential velocity relative to the surface (m/s), (components of slip, points)."""
         own = transform(self.frame, control_of(self.roller, controls, "velocity"))
-        relative = transform(self.view, v) - own
+        relative = transform(self.view, v[: self.contact.kinematics.count]) - own
         return np.einsum("ki...,i...->k...", tangents, relative) - self.surface(place, controls)
 
     def surface(self, place: Projection, controls: Values) -> Any:
@@ -484,7 +584,7 @@ class Friction(PointEffect):
 
     def sliding(self, x: Any, v: Any, controls: Values) -> tuple[Projection, Any, Any]:
         """Return where the points are on the roller, its tangents there, and their slip."""
-        place = self.contact.seen(x[: self.contact.kinematics.count], controls)
+        place = self.contact.seen(x, controls)
         tangents = self.roller.tangents(place, len(self.frame))
         return place, tangents, self.slip(place, tangents, v, controls)
 
@@ -513,7 +613,8 @@ class Friction(PointEffect):
     def law(self, x: Any, v: Any, controls: Values) -> Any:
         """Residual per area: minus the traction of the roller, (components, points)."""
         place, tangents, slip = self.sliding(x, v, controls)
-        return self.on_strip(tangents, self.traction(place, slip, controls))
+        force = self.on_strip(tangents, self.traction(place, slip, controls))
+        return self.contact.answered(force)
 
     def traction(self, place: Projection, slip: Any, controls: Values) -> Any:
         """Traction of points that slip, by a law whose corner is as wide as controls tell.

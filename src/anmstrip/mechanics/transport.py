@@ -17,8 +17,14 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from anmstrip.arrays import Array, Index
-from anmstrip.fem.operators import Blocks, CellOperator, LinearOperator, Part, Pattern
-from anmstrip.fem.sampling import ContactOperator, SlopeOperator, l2_projection
+from anmstrip.fem.operators import CellOperator, LinearOperator, Part, Pattern
+from anmstrip.fem.sampling import (
+    ContactOperator,
+    RollerOperator,
+    RollerUnknowns,
+    SlopeOperator,
+    l2_projection,
+)
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.contact import Friction, control_of, transform
 from anmstrip.mechanics.effects import LawEffect, Values, scale_speeds
@@ -26,50 +32,6 @@ from anmstrip.mechanics.roller import Projection, at_points
 
 DRIVEN = -1
 """Number of a roller that does not turn freely."""
-
-
-class SurfaceOperator(LinearOperator):
-    """Values at contact points of the strip and of the surfaces of rollers that turn freely.
-
-    The last component is that of the surface which a point sees: a travel (m) or a speed (m/s),
-    zero on driven rollers.
-
-    Parameters
-    ----------
-    contact : ContactOperator
-    which : ndarray of int, shape (points,)
-        Number of the free roller that each point sees, or ``DRIVEN``.
-    rollers : int
-        Number of free rollers, which are the last unknowns.
-    """
-
-    def __init__(self, contact: ContactOperator, which: Index, rollers: int) -> None:
-        self.contact, points = contact, np.flatnonzero(which != DRIVEN)
-        self.points = contact.points
-        index, shape = (points, which[points]), (self.points, rollers)
-        self.surface = csr_matrix((np.ones(len(points)), index), shape=shape)
-
-    @property
-    def weights(self) -> Array:
-        """Area that belongs to each point (m²)."""
-        return self.contact.weights
-
-    @property
-    def matrices(self) -> tuple[list[Part], list[Part]]:  # type: ignore[override]
-        """L as sparse matrices, and that of which forces are the transposed."""
-        found = self.contact.matrices
-        begin = self.contact.matrix.shape[1] * self.contact.count
-        inputs, outputs = (
-            [*own, Part(self.surface, self.weights, begin, row=sum(part.count for part in own))]
-            for own in found
-        )
-        return inputs, outputs
-
-    def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
-        """Add Lᵀ w J L, J[j, i] of shape (inputs, count + 1, points)."""
-        inputs = sum(part.count for part in self.contact.matrices[0])
-        self.contact.add_tangent(derivative[:inputs, :-1], pattern, blocks)
-        super().add_tangent(derivative, pattern, blocks)
 
 
 @dataclass(frozen=True)
@@ -92,11 +54,17 @@ class TurningFriction(Friction):
     rollers: int = 0
 
     @cached_property
-    def operator(self) -> SurfaceOperator:  # type: ignore[override]
-        """Operator to the strip and the surfaces."""
-        contact = self.contact.operator
-        which = np.array(self.numbers)[self.roller.seen_by(contact.points)]
-        return SurfaceOperator(contact, which, self.rollers)
+    def operator(self) -> RollerOperator:  # type: ignore[override]
+        """Operator to the strip and the rollers."""
+        return self._to_rollers(self.contact.sampling)
+
+    operator_type = RollerOperator
+
+    def _to_rollers(self, sampling: ContactOperator) -> RollerOperator:
+        """Return the operator to the points of the strip, and what they see of their rollers."""
+        which = np.array(self.numbers)[self.roller.seen_by(sampling.points)]
+        surfaces = RollerUnknowns(which, self.rollers, sampling.unknowns)
+        return self.operator_type(sampling, *self.contact.shifts, surfaces)
 
     @cached_property
     def by_roller(self) -> dict[str, Friction]:
@@ -115,7 +83,8 @@ class TurningFriction(Friction):
         place, tangents, slip = self.sliding(x, v, controls)
         traction = self.traction(place, slip, controls)
         turned = traction[0] if place.ratio is None else place.ratio * traction[0]
-        return np.stack([*self.on_strip(tangents, traction), turned * self.roller.sense])
+        force = self.contact.answered(self.on_strip(tangents, traction))
+        return np.stack([*force, turned * self.roller.sense])
 
 
 @dataclass(frozen=True)
@@ -214,14 +183,10 @@ class AlignedFriction(TurningFriction):
         return self.contact.points
 
     @cached_property
-    def operator(self) -> SurfaceOperator:  # type: ignore[override]
-        """Operator to the points of the contact, and to the surfaces that they see."""
+    def operator(self) -> RollerOperator:  # type: ignore[override]
+        """Operator to the points of the contact, and to the rollers that they see."""
         assert self.slopes is not None
-        slopes = self.slopes.restricted(self.contact.operator.chosen)
-        which = np.array(self.numbers)[self.roller.seen_by(slopes.points)]
-        return self.operator_type(slopes, which, self.rollers)
-
-    operator_type = SurfaceOperator
+        return self._to_rollers(self.slopes.restricted(self.contact.sampling.chosen))
 
     def sliding(self, x: Any, v: Any, controls: Values) -> tuple[Projection, Any, Any]:
         """Return where the points are on the roller, its tangents there, and their slip.
@@ -233,7 +198,7 @@ class AlignedFriction(TurningFriction):
         controls : mapping
         """
         count = self.contact.kinematics.count
-        place = self.contact.seen(x[:count], controls)
+        place = self.contact.seen(x, controls, 2 * count)
         tangents = self.roller.tangents(place, len(self.frame))
         flat = self.contact.kinematics.pick([1.0, 0.0, 0.0])[:, None]
         along = transform(self.view, x[count : 2 * count] + flat)
@@ -261,23 +226,20 @@ class AlignedFriction(TurningFriction):
         return transform(self.view, v[: self.contact.kinematics.count]) - own, v[-1], None
 
 
-class TransportOperator(SurfaceOperator):
-    """Displacements, their derivatives along X, speeds of free surfaces, and the strip's own.
+class TransportOperator(RollerOperator):
+    """Displacements, their derivatives along X, unknowns of rollers, and the strip's own speed.
 
     The last of these is the unknown after those of the rollers; forces come out as of a
-    :class:`~anmstrip.mechanics.transport.SurfaceOperator`.
+    :class:`~anmstrip.fem.sampling.RollerOperator`.
     """
-
-    contact: SlopeOperator
 
     @property
     def matrices(self) -> tuple[list[Part], list[Part]]:  # type: ignore[override]
         """L as sparse matrices, and that of which forces are the transposed."""
         inputs, outputs = super().matrices
-        *_, surface = inputs
-        ones = csr_matrix(np.ones((self.points, 1)))
-        own_speed = surface.first + self.surface.shape[1]  # the unknown behind those of surfaces
-        return [*inputs, Part(ones, self.weights, own_speed, row=surface.row + 1)], outputs
+        own_speed = max(first + m.shape[1] for m, first in self.seen)
+        ones, row = csr_matrix(np.ones((self.points, 1))), inputs[-1].row + 1
+        return [*inputs, Part(ones, self.weights, own_speed, row=row)], outputs
 
 
 @dataclass(frozen=True)
@@ -336,7 +298,7 @@ class CarriedFriction(AlignedFriction):
 
     def _at_contact(self, shapes: Array) -> Array:
         """Shapes of runs at the points of the contact; a nip sees those of the strip twice."""
-        return shapes[:, self.contact.operator.chosen % shapes.shape[1]]
+        return shapes[:, self.contact.sampling.chosen % shapes.shape[1]]
 
 
 def _over_runs(held: Any, shapes: Array) -> Any:

@@ -295,7 +295,7 @@ class EventWatch:
         for column, a in zip(least.which, least.where, strict=True):
             if value_at(functions[0][:, column], a) > 0.0:
                 found.append((float(a), int(column), "grazing"))
-        x, y = self.contact.operator.reference[:2, chosen]
+        x, y = self.contact.sampling.reference[:2, chosen]
         x, y = np.add([x, y], self.plan.model.strip.flat_origin[:, None])
         for a, column, kind in sorted(found):
             pair = int(chosen[column])
@@ -303,7 +303,7 @@ class EventWatch:
                 continue
             slow = len(functions) > 1 and bool(value_at(functions[1][:, column], a) <= 0.0)
             time = self.plan.start + self.plan.duration * float(value_at(stretch.control, a))
-            point, name = self.contact.operator.chosen[pair], self.rollers[self.which[pair]].name
+            point, name = self.contact.sampling.chosen[pair], self.rollers[self.which[pair]].name
             here = float(x[column]), float(y[column]), float(value_at(gap[:, column], a))
             slip = None
             if squared is not None:

@@ -142,12 +142,12 @@ class FieldSampler:
             scalars = dict.fromkeys(("normal_pressure", "gap", "contact_status"), nothing)
             vectors = "friction_traction", "slip_velocity"
             return scalars | dict.fromkeys(vectors, np.zeros((len(nothing), 3)))
-        operator, gap = found[0].contact.operator.whole, state.gaps
+        operator, gap = found[0].contact.sampling.whole, state.gaps
         points = operator.points
         pressure, found_status = np.zeros((2, points))
         traction, slip = np.zeros((2, 3, points))
         for f in found:
-            chosen = f.contact.operator.chosen
+            chosen = f.contact.sampling.chosen
             pressure[chosen] += f.pressure
             traction[:, chosen] += f.traction
             found_status[chosen] = np.maximum(found_status[chosen], f.status)
@@ -404,7 +404,7 @@ class Profile:
         along /= np.linalg.norm(along, axis=0)
         slip, rub, cone, touching = np.zeros((4, len(self.areas)))
         for contact in state.contacts.values():
-            near = contact.contact.operator.chosen
+            near = contact.contact.sampling.chosen
             slip[near] += (contact.slip * along[:, near]).sum(axis=0) * contact.touching
             rub[near] += np.linalg.norm(contact.traction, axis=0) * contact.touching
             cone[near] += (contact.coefficient or 0.0) * contact.pressure * contact.touching

@@ -104,7 +104,7 @@ class ContactState:
 
     def __post_init__(self) -> None:
         self.opposed = np.zeros_like(self.pressure)
-        operator = self.contact.operator
+        operator = self.contact.sampling
         self.roller, self.area = self.contact.roller.members[0], operator.weights
         self.width = operator.width
         self.cells = np.searchsorted(operator.chosen, operator.cells[self.elements])
@@ -136,7 +136,7 @@ class ContactState:
         """
         alone = np.maximum(self.pressure - self.opposed, 0.0)
         drawn = alone @ self.area > DRAWN_SHARE * self.normal_force
-        pressure, x = alone if drawn else self.pressure, self.contact.operator.reference[0]
+        pressure, x = alone if drawn else self.pressure, self.contact.sampling.reference[0]
         order, force = np.argsort(x), pressure * self.area
         sums = np.stack([force * pressure, force])[:, order].cumsum(axis=1)
         sums = np.pad(sums, ((0, 0), (1, 0)))
@@ -149,7 +149,7 @@ class ContactState:
     @cached_property
     def pressed(self) -> Index:
         """Numbers of these points in the whole strip."""
-        return np.asarray(self.contact.operator.chosen[self.touching])
+        return np.asarray(self.contact.sampling.chosen[self.touching])
 
     @cached_property
     def cone_share(self) -> Array:
@@ -170,7 +170,7 @@ class ContactState:
         Shape (2, rows), by angle.  Friction and its limit are summed up over the row: where the
         law is sharper than the mesh, friction alternates from point to point.
         """
-        operator, on = self.contact.operator, self.touching[self.cells].any(axis=1)
+        operator, on = self.contact.sampling, self.touching[self.cells].any(axis=1)
         cells, areas = self.cells[on], operator.shares[self.elements[on]]
         x = np.round(operator.reference[0][cells].mean(axis=1), 9)
         rows, row = np.unique(x, return_inverse=True)
@@ -223,7 +223,7 @@ class ContactState:
         pressure; so the ends move continuously with the state, not from point to point.  Empty
         without contact.
         """
-        operator = self.contact.operator
+        operator = self.contact.sampling
         lines = self.cells[:, operator.whole.lines].reshape(-1, 3)
         reference, values = operator.reference, np.stack([self.angle, operator.reference[0]])
         along, across, _ = np.abs(reference[:, lines[:, 2]] - reference[:, lines[:, 0]])
@@ -247,7 +247,7 @@ class ContactState:
         middle = middle / np.linalg.norm(middle)
         across = self.roller.cross_matrix @ middle
         angle = np.arctan2(across @ self.normal, middle @ self.normal)
-        order = np.argsort(self.contact.operator.reference[0], kind="stable")
+        order = np.argsort(self.contact.sampling.reference[0], kind="stable")
         angle[order] = np.unwrap(angle[order])
         mean = np.average(angle, weights=weight) if weight.any() else angle[self.gap.argmin()]
         return np.asarray(angle - 2.0 * np.pi * np.round(mean / (2.0 * np.pi)))
@@ -255,7 +255,7 @@ class ContactState:
     @cached_property
     def arc(self) -> tuple[float, float]:
         """Reference x where contact begins and ends; of the nearest point if there is none."""
-        nearest = self.contact.operator.reference[0, [self.gap.argmin()]]
+        nearest = self.contact.sampling.reference[0, [self.gap.argmin()]]
         x = self.ends[1] if self.ends.size else nearest
         return float(x.min()), float(x.max())
 
@@ -439,13 +439,13 @@ def lift_offs(
     if min(tensions) - bent <= max(state.lifting * radius, 0.0):
         return np.array([state.ends[0].min(), state.ends[0].max()]), [None, None]
     near = np.flatnonzero(state.pressure)
-    places = np.round(state.contact.operator.reference[0, near], 9)
+    places = np.round(state.contact.sampling.reference[0, near], 9)
     x, station = np.unique(places, return_inverse=True)
     share = state.area[near] / state.width
     parts = state.pressure[near], (state.traction * state.turning).sum(axis=0)[near]
     force, rubbed = (np.bincount(station, part * share).astype(float) for part in parts)
     angle = np.bincount(station, state.angle[near] * share) / np.bincount(station, share)
-    elements = state.contact.operator.reference[0][state.cells]
+    elements = state.contact.sampling.reference[0][state.cells]
     ends, layers, loads = np.zeros(2), np.zeros(2), list[float | None]()
     onwards = state.roller.sense * np.sign(angle[-1] - angle[0])  # a positive speed along x
     length, turn = np.bincount(station, share), np.ptp(np.interp(state.arc, x, angle))
@@ -519,7 +519,7 @@ def regularisation_of(
         arc = max(reading.wrap, 1e-3) * radius
         stay = min(arc / max(abs(speed - reading.creep_speed), 1e-300), elapsed)
         by_creep = creep * stay / arc * stiffness / tension
-    y = state.contact.operator.reference[1, touching]
+    y = state.contact.sampling.reference[1, touching]
     _, fibre = np.unique(np.round(WIDTH_STRIPES * y / state.width), return_inverse=True)
     if tension > 0.0 and fibre.any():
         gaps = np.bincount(fibre, state.gap[touching]) / np.bincount(fibre)

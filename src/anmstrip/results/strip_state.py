@@ -79,6 +79,12 @@ class StripState:
         """Values of the controls."""
         return self.plan.controls.at(self.control)
 
+    def centre(self, roller: str) -> Array:
+        """Return a point of a roller's axis (m), shape (3,)."""
+        centre = np.asarray(self.controls[f"rollers.{roller}.centre"])
+        pressed = self._effect("press")
+        return centre if pressed is None else centre + pressed.shift(roller, self.full)
+
     @property
     def strip_speed(self) -> float | None:
         """Speed of the strip (m of unstressed strip per second), if material passes its labels."""
@@ -313,7 +319,7 @@ class StripState:
         found = Named((n, self._contact(parts[n], rubbing.get(n), elements[n])) for n in parts)
         for one, other in permutations(found.values(), 2):
             _, mine, its = np.intersect1d(
-                one.contact.operator.chosen, other.contact.operator.chosen, return_indices=True
+                one.contact.sampling.chosen, other.contact.sampling.chosen, return_indices=True
             )
             one.opposed[mine] += other.pressure[its]
         return found
@@ -336,7 +342,7 @@ class StripState:
         return np.zeros(0) if contact is None else contact.nearest_gaps(self.full, self.controls)
 
     def _contact(self, contact: Contact, friction: Friction | None, near: Index) -> ContactState:
-        points = np.unique(contact.operator.cells[near])
+        points = np.unique(contact.sampling.cells[near])
         if not points.size:
             look = contact.look(self.full, self.controls)
             points = np.array([contact.gap(look, self.controls).argmin()])
@@ -355,7 +361,7 @@ class StripState:
         arm = roller.radius * np.broadcast_to(ratio, place.gap.shape)
         rubbing = slip, traction, coefficient, arm, *self._turning(roller.name)
         nearest = int(place.gap.argmin())
-        slope = self.slope(contact.operator.reference[0, nearest])
+        slope = self.slope(contact.sampling.reference[0, nearest])
         up = turn_upwards(self.plan.model.strip, slope) @ normal[:, nearest]
         lifting = float(self.controls.get("pressure", 0.0) * np.sign(up))
         return ContactState(contact, place.gap, normal, pressure, *rubbing, near, lifting)

@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from inspect import signature
 from math import hypot
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from anmstrip.arrays import Array
 from anmstrip.errors import Mistake, nearest
 from anmstrip.scene.tables import (
     EDGE_NAMES,
@@ -748,6 +749,60 @@ def separate_rollers(rollers: Rollers) -> Mistakes:
         yield Mistake("", f"rollers.{name}.radius", radius, expected, hint)
 
 
+class Partner(NamedTuple):
+    """The roller against which another one is pressed."""
+
+    name: str
+    way: Array  # unit vector towards it, (3,)
+    gap: float  # m
+
+
+def pressed_against(rollers: Rollers, roller: RollerSpec) -> Partner | None:
+    """Return the parallel roller that is nearest to one, None if there is none."""
+    axis = np.asarray(roller.axis) / hypot(*roller.axis)
+    found: Partner | None = None
+    for other in rollers:
+        way = np.subtract(other.centre, roller.centre)
+        way = way - way @ axis * axis
+        distance = float(np.linalg.norm(way))
+        parallel = abs(axis @ other.axis) > PARALLEL_COSINE * hypot(*other.axis)
+        gap = distance - other.radius - roller.radius
+        if other is not roller and parallel and (found is None or gap < found.gap) and distance:
+            found = Partner(other.name, way / distance, gap)
+    return found
+
+
+def pressed_rollers(rollers: Rollers, stages: Stages) -> Mistakes:
+    """Yield forces of rollers that press on nothing, and rollers that cannot be pressed."""
+    pressed = {roller.name: roller for roller in rollers if roller.press is not None}
+    kept = dict[str, str]()
+    for name, roller in pressed.items():
+        key, hint, expected = f"rollers.{name}.press", f"no press of {name}", ""
+        partner = pressed_against(rollers, roller)
+        if partner is None:
+            expected = "nothing, without a parallel roller on the other side of the strip"
+        elif roller.wrap is not None:
+            expected = f"nothing on a roller with a wrap, beside which {partner.name} is to press"
+            hint = f"rollers.{partner.name}.press = {roller.press:g}, and no press of {name}"
+        elif partner.name in kept:
+            expected = f"nothing, since {partner.name}, against which it presses, is pressed itself"
+        else:
+            kept |= {name: name, partner.name: name}
+        if expected:
+            yield Mistake("", key, roller.press, expected, hint)
+    for stage in stages:
+        for name, control in stage.rollers.items():
+            place = f"stages.{stage.name}.rollers.{name}"
+            if control.press is not None and name not in pressed:
+                expected = f"nothing, unless rollers.{name}.press says with what it begins (N)"
+                hint = f"press = {control.press:g} in the table of {name} as well"
+                yield Mistake("", f"{place}.press", control.press, expected, hint)
+            if control.move is not None and name in kept:
+                expected = f"nothing, since rollers.{kept[name]}.press says where it is"
+                hint = f"no move, or no press of {kept[name]}"
+                yield Mistake("", f"{place}.move", control.move, expected, hint)
+
+
 def times_of_the_run(threading: Threading, stages: Stages, output: OutputSpec) -> Mistakes:
     """Yield times to write that the run does not reach."""
     end = sum(stage.duration for stage in stages) + (threading.duration if threading else 0.0)
@@ -766,7 +821,7 @@ RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
     gravity_has_density, known_laws_are_sharpened, refined_mesh_is_estimated,
     rollers_have_friction, stages_have_friction, steady_stages, yielding_strip,
     threading_partners, one_length, held_entry, own_name, threading_ends, borne_tension,
-    borne_moments, wrapped_axes, separate_rollers, times_of_the_run,
+    borne_moments, wrapped_axes, separate_rollers, pressed_rollers, times_of_the_run,
 )  # fmt: skip
 """Rules between the tables of a scene; their parameters are the names of the tables they need.
 

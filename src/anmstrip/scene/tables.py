@@ -528,6 +528,9 @@ class RollerSpec(Table):
     """what a stage gives, "speed" or "torque"; "idle" if the strip turns it (text)"""
     bearing: NotNegative = Field(0.0, examples=["2.0"])
     """torque with which the bearings brake a roller that turns, at least 0 (N m)"""
+    press: Positive | None = Field(None, examples=["2.0e3"])
+    """force with which it is pressed against the roller across the strip; left out: it stays where
+    it is drawn, above 0 (N)"""
 
     def find_mistakes(self) -> Iterator[Mistake]:
         """Yield an axis without direction, and bearings that nobody feels."""
@@ -631,6 +634,8 @@ class RollerControl(Table):
     """torque of the drive, in the sense of surface_speed, a number (N m)"""
     move: Vector | None = Field(None, examples=["[0.0, 0.0, 0.1]"])
     """displacement from the initial position, three numbers (m)"""
+    press: Positive | None = Field(None, examples=["2.0e3"])
+    """force with which it is pressed against the roller across the strip, above 0 (N)"""
 
     def find_mistakes(self) -> Iterator[Mistake]:
         """Yield a speed that is given twice."""

@@ -10,7 +10,14 @@ from typing import NamedTuple
 import numpy as np
 
 from anmstrip.arrays import Array
-from anmstrip.scene.checks import edge_controls, held_along, moved_ends, strain_units
+from anmstrip.scene.checks import (
+    ROUND_OFF,
+    edge_controls,
+    held_along,
+    moved_ends,
+    pressed_against,
+    strain_units,
+)
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS, FieldSpec, NaturalShape, RollerSpec, StageSpec
 
@@ -77,7 +84,8 @@ USUAL_STRAIN = 1e-4
 
 
 def with_defaults(scene: SceneSpec) -> SceneSpec:
-    """Return the scene with what it has left open."""
+    """Return the scene with what it has left open, and rollers that are pressed where they press."""
+    scene = scene.model_copy(update={"rollers": closed_rollers(scene)})
     if scene.strip.feed is None:
         strip = scene.strip.model_copy(update={"feed": is_fed_by_default(scene)})
         scene = scene.model_copy(update={"strip": strip})
@@ -88,6 +96,25 @@ def with_defaults(scene: SceneSpec) -> SceneSpec:
         return scene
     law = scene.friction.model_copy(update={"speed": regularising_speed(scene)})
     return scene.model_copy(update={"friction": law})
+
+
+def closed_rollers(scene: SceneSpec) -> tuple[RollerSpec, ...]:
+    """Return the rollers, of which those that are pressed touch both sides of straight strip.
+
+    However far open they are drawn; see :attr:`Assembly.faces`.
+    """
+    faces = scene.contact is None or scene.contact.faces is not False
+    found = []
+    for roller in scene.rollers:
+        if roller.press is not None:
+            partner = pressed_against(scene.rollers, roller)
+            assert partner is not None  # by a rule of scenes
+            closing = partner.gap - faces * scene.strip.thickness
+            if abs(closing) > ROUND_OFF * roller.radius:
+                centre = np.asarray(roller.centre) + closing * partner.way
+                roller = roller.model_copy(update={"centre": tuple(centre.tolist())})
+        found.append(roller)
+    return tuple(found)
 
 
 def loose_across(scene: SceneSpec) -> bool:

@@ -247,11 +247,12 @@ class March:
         weighed = self.velocity.any() or np.any(self.course.values.get("gravity", 0.0))
         if stage.gravity is not None and not weighed:
             state = self._weighed(stage, state)
-        turning = slice(self.assembly.strip.unknowns, self.assembly.coupled)
+        first = self.assembly.strip.unknowns
+        turning = slice(first, first + len(self.assembly.turning))
         self.full = self.full.copy()
         self.full[turning] = self.velocity[turning]
         if self.course.may_begin_running and not self.velocity.any():
-            self.full[turning][:-1] = self.course.set_going(stage, self.full)
+            self.full[turning] = self.course.set_going(stage, self.full)
         self.full[self.assembly.coupled - 1] = 0.0  # c counts from its control
         if state is not None and self.course.pulled(stage) and not self.assembly.closed:
             self.course.values["entry.tension"] = np.array(state.tension("entry"))

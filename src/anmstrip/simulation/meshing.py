@@ -830,6 +830,23 @@ class Nip:
         with np.errstate(over="ignore"):
             return float(trapezoid(law(0.5 * (curvature * x**2 - self.squeeze)), x))
 
+    def pressed(self, force: float, law: ContactLaw, width: float) -> Nip:
+        """Return the same, as close as straight strip of a width (m) bears a force (N)."""
+        from scipy.optimize import brentq  # slow to import
+
+        def nip(squeeze: float) -> Nip:
+            return replace(self, gap=self.gap + self.squeeze - squeeze)
+
+        def missing(squeeze: float) -> float:
+            return nip(squeeze).line_load(law) * width - force
+
+        least, most = -law.width, law.width
+        while missing(least) > 0.0:
+            least *= 2.0
+        while missing(most) < 0.0:
+            most *= 2.0
+        return nip(float(brentq(missing, least, most, xtol=1e-9 * law.width)))
+
 
 def nips_of(rollers: Sequence[Roller], thread: Thread | None, thickness: float) -> list[Nip]:
     """Return the rollers that nip a strip, at their centres."""

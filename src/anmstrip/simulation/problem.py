@@ -42,6 +42,7 @@ from anmstrip.mechanics.loads import (
 from anmstrip.mechanics.plasticity import FlowLaw, Plasticity
 from anmstrip.mechanics.roller import Roller, Sides, combine
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
+from anmstrip.scene.checks import pressed_against
 from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, I_UNIT, THREADING, FieldSpec, NaturalShape
 from anmstrip.simulation.defaults import (
@@ -76,7 +77,7 @@ if TYPE_CHECKING:
     from skfem import Mesh
 
     from anmstrip.equilibrium import StageProblem
-    from anmstrip.mechanics.contact import Contact, Friction
+    from anmstrip.mechanics.contact import Contact, Friction, PressedRollers
     from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
     from anmstrip.mechanics.transport import Drives
     from anmstrip.scene.tables import ContactSpec, FrictionSpec, PlasticitySpec
@@ -200,7 +201,7 @@ step: their friction is as singular as that of the others.
 """
 
 
-BUILT_IN_EFFECTS = ("membrane", "bending", "plasticity", "contact", "friction", "drives")
+BUILT_IN_EFFECTS = ("membrane", "bending", "plasticity", "contact", "press", "friction", "drives")
 """Effects that are asked for by their names when a state is read."""
 
 
@@ -228,6 +229,8 @@ class Assembly:
         Roller → its table in the scene.
     turning : tuple of str
         Rollers whose speed is unknown: those that a torque or the strip turns.
+    pressing : tuple of str
+        Rollers whose place is unknown: those that a given force presses on the strip.
     closed : bool
         Whether the strip is endless.
     conveyed : bool
@@ -252,6 +255,7 @@ class Assembly:
         self.kinematics = KINEMATICS[scene.strip.kinematics]
         self.specs = {spec.name: spec for spec in scene.rollers}
         self.turning = tuple(spec.name for spec in scene.rollers if spec.drive != "speed")
+        self.pressing = tuple(spec.name for spec in scene.rollers if spec.press is not None)
         self.closed = course is not None and course.closed
         self.conveyed = bool(scene.strip.feed) or any(stage.steady for stage in scene.stages)
 
@@ -303,8 +307,8 @@ class Assembly:
 
     @property
     def coupled(self) -> int:
-        """Number of unknowns of the strip, of turning rollers, and of the strip's speed."""
-        return self.strip.unknowns + len(self.turning) + self.conveyed
+        """Number of unknowns of the strip, of rollers, and of the strip's speed."""
+        return self.strip.unknowns + len(self.turning) + len(self.pressing) + self.conveyed
 
     @property
     def unknowns(self) -> int:
@@ -367,9 +371,15 @@ class Assembly:
 
     @cached_property
     def laid(self) -> Array:
-        """Displacements of a threaded strip before equilibrium, shape (unknowns of it,)."""
+        """Displacements of a threaded strip before equilibrium, shape (unknowns,)."""
         assert self.thread is not None
-        return self.thread.guess(self.strip, self.pattern, self.natural(self.scene.strip))
+        guess = self.thread.guess(self.strip, self.pattern, self.natural(self.scene.strip))
+        found = np.zeros(self.unknowns)
+        found[: len(guess)] = guess
+        if (pressed := self.pressed) is not None:
+            squeezes = {name: nip.squeeze for nip in self.nips[0] for name in nip.names}
+            found[pressed.first : pressed.stop] = [squeezes[name] for name in pressed.names]
+        return found
 
     @cached_property
     def growth(self) -> Growth | None:
@@ -389,7 +399,7 @@ class Assembly:
     def slipping_nips(self) -> list[Nip]:
         """Nips that would push strip into a run or take it away, but do not hold its tension."""
         found, thread = dict[tuple[str, str], Nip](), self.thread
-        for stage, nips in zip(self.scene.stages, self.layout.nips[1:], strict=True):
+        for stage, nips in zip(self.scene.stages, self.nips[1:], strict=True):
             held, bent = self.layout.gathered_in(stage)
             runs = np.flatnonzero(held + abs(bent)).tolist()
             if not runs or thread is None:
@@ -831,7 +841,55 @@ class Assembly:
         roller = combine(self.rollers, np.repeat(np.arange(count), pairs.points))
         if count > 1:
             pairs = RepeatedOperator(pairs, count)
-        return Contact(roller, self.signorini, pairs, tuple(reaches), self.kinematics)
+        given = self.signorini, pairs, tuple(reaches), self.kinematics
+        return Contact(roller, *given, self.pressed)
+
+    @cached_property
+    def pressed(self) -> PressedRollers | None:
+        """Rollers that given forces press on the strip, if there are any."""
+        if not self.pressing:
+            return None
+        from anmstrip.mechanics.contact import PressedRollers
+
+        first, ways = self.strip.unknowns + len(self.turning), []
+        for name in self.pressing:
+            spec = self.specs[name]
+            partner = pressed_against(self.scene.rollers, spec)
+            assert partner is not None
+            ways.append(partner.way)
+            if {name, partner.name} not in [{*nip.names} for nip in self.layout.nips[0]]:
+                expected = f"strip that runs between {name} and {partner.name}, where it presses"
+                hint = f"no press of {name}, or another rollers.{name}.centre"
+                raise self.scene.refused(f"rollers.{name}.press", spec.press, expected, hint)
+        return PressedRollers(self.pressing, np.array(ways), first)
+
+    @cached_property
+    def nips(self) -> list[list[Nip]]:
+        """Nips at the beginning and at the end of each stage.
+
+        Those that a force presses are as close as straight strip bears it.
+        """
+        found, presses = list[list[Nip]](), {s.name: s.press for s in self.scene.rollers if s.press}
+        for stage, nips in zip([None, *self.scene.stages], self.layout.nips, strict=True):
+            controls = {} if stage is None else stage.rollers
+            presses |= {name: c.press for name, c in controls.items() if c.press is not None}
+            forces = [sum(presses.get(name, 0.0) for name in nip.names) for nip in nips]
+            given = self.signorini, self.strip.width
+            pairs = zip(nips, forces, strict=True)
+            found.append([nip.pressed(force, *given) if force else nip for nip, force in pairs])
+        return found
+
+    def begun_press(self, name: str) -> float:
+        """Return the force (N) with which a roller that is pressed begins.
+
+        On flat strip that of one that has not shifted yet.
+        """
+        press = self.specs[name].press
+        assert press is not None
+        if self.thread is not None:
+            return press
+        (nip,) = (nip for nip in self.layout.nips[0] if name in nip.names)
+        return nip.line_load(self.signorini) * self.strip.width
 
     def effects(self, stage: StageSpec, controls: Iterable[str]) -> list[Effect]:
         """Return the effects that act in a stage.
@@ -843,7 +901,7 @@ class Assembly:
             Names of the controls that are given, now or before.
         """
         given = sorted(controls)
-        own = [self.membrane, self.bending, self.plasticity(stage), self.contact]
+        own = [self.membrane, self.bending, self.plasticity(stage), self.contact, self.pressed]
         if self.membrane is None and "exit.force" in given:
             own.insert(0, Pretension(self.strip))
         if stage.friction:

@@ -90,6 +90,8 @@ class Course:
             key, rest = f"rollers.{roller.name}", ("surface_speed", "torque")
             self.values[f"{key}.centre"] = np.array(roller.centre, dtype=float)
             self.values |= {f"{key}.{name}": np.array(0.0) for name in rest}
+        for name in self.assembly.pressing:
+            self.values[f"rollers.{name}.press"] = np.array(self.assembly.begun_press(name))
 
     def _is_laid(self, stage: StageSpec) -> bool:
         """Return whether a stage lays flat strip on rollers: its own curvature grows in it.
@@ -158,7 +160,7 @@ class Course:
                 slope["strip.passing"] = np.array(after - before)
         strains = a.plasticity(stage)
         units = np.zeros(0) if strains is None else strains.units
-        given = a.scales_in(stage), a.turning, a.conveyed, pull, units
+        given = a.scales_in(stage), a.turning, len(a.pressing), a.conveyed, pull, units
         return StageProblem(
             name=stage.name,
             start=self.time,
@@ -433,6 +435,9 @@ class Course:
             control, key = stage.rollers.get(roller.name), f"rollers.{roller.name}"
             plain[f"{key}.surface_speed"] = self._asked_speed(stage, roller)
             plain[f"{key}.torque"] = control and control.torque
+            plain[f"{key}.press"] = control and control.press
+            if stage is self.assembly.scene.stages[0] and plain[f"{key}.press"] is None:
+                plain[f"{key}.press"] = self.assembly.specs[roller.name].press
             if roller.name in stage.moves:
                 end[f"{key}.centre"] = np.array(roller.centre) + stage.moves[roller.name]
         end |= {key: np.array(to, dtype=float) for key, to in plain.items() if to is not None}
@@ -510,10 +515,10 @@ class Course:
         strip, unknowns = self.assembly.strip, self.assembly.unknowns
         held = np.zeros(unknowns, dtype=bool)
         start, end, bows = (np.zeros(unknowns) for _ in range(3))
-        if not (stage.steady or self.assembly.rubs(stage)):  # what turns rests
-            held[strip.unknowns : self.assembly.coupled] = True
-        elif self.assembly.conveyed:
-            held[self.assembly.coupled - 1] = not (self.pulled(stage) or self.fed(stage))
+        a, still = self.assembly, not (stage.steady or self.assembly.rubs(stage))
+        held[strip.unknowns : strip.unknowns + len(a.turning)] = still  # what turns rests
+        if a.conveyed:
+            held[a.coupled - 1] = still or not (self.pulled(stage) or self.fed(stage))
         if not self.assembly.yields(stage):  # plastic strains stay
             held[self.assembly.coupled :] = True
         across = strip.kinematics.place(1)
