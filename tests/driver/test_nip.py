@@ -90,7 +90,8 @@ def told(scene: Scene) -> list[str]:
 def test_the_force_of_a_nip_follows_from_its_gap() -> None:
     (words,) = (line for line in told(pinch(1e-5)) if "nip" in line)
     assert "rollers bottom and top leave a gap of 0.00099 m to a strip of 0.001 m" in words
-    assert "The force of a nip cannot be given: it follows from the gap" in words
+    assert "The force of a nip follows from its gap" in words
+    assert words.endswith("To give the force, leave the moves out, and give one of them press (N).")
     assert not any("nip" in line for line in told(pinch(-1e-4)))
     assert not any("nip" in line for line in told(pinch(0.0, 0.0, "contact.faces=false")))
 
@@ -354,7 +355,7 @@ def test_a_nip_that_is_drawn_too_loose_runs_with_the_centre_that_is_told(
     for reading in run.state.rollers.values():
         assert reading.normal_force == pytest.approx(1.2 * 500.0 / 0.2, rel=0.01)
     (left,) = run.forewarnings()
-    assert "The force of a nip cannot be given" in left
+    assert "The force of a nip follows from its gap" in left
 
 
 def test_pinch_rolls_that_both_have_a_wrap_are_told_to_leave_one_out() -> None:

@@ -624,7 +624,7 @@ def largest_tensions(
     sure : float, optional
         By which the forces of nips, which are estimates, are divided.
     """
-    assembly, thread, forth = preview.assembly, preview.assembly.thread, end == ENDS[-1]
+    assembly, forth = preview.assembly, end == ENDS[-1]
     order, places = rollers_in_order(assembly)
     ways = np.diff(places, axis=0)
     lain = 0.5 * pulled.weight * np.abs(ways[:, 0])
@@ -633,9 +633,10 @@ def largest_tensions(
     loads, rises = lain[:-1] + lain[1:], ways[:, 1]
     if not forth:
         order, loads, rises = order[::-1], loads[::-1], -rises[::-1]
-    passed, pressed = {roller.name for roller in order}, dict[str, list[Nip]]()
+    passed, pressed = [roller.name for roller in order], dict[str, list[Nip]]()
+    gained = torque_gains(preview, pulled, forth)
     for nip in pulled.nips if assembly.scene.contact and assembly.rollers[0].half else ():
-        first = nip.first.name if nip.first.name in passed else nip.second.name
+        first = min(nip.names, key=lambda name: [*passed, name].index(name))
         pressed.setdefault(first, []).append(nip)
     pull, weight = pulled.ends[ENDS[0] if forth else ENDS[-1]], pulled.weight
     for roller, rise, weighs in zip(order, rises, loads, strict=False):
@@ -645,20 +646,35 @@ def largest_tensions(
         upwards = 0.0 if lies is None else lies[0][1] / np.linalg.norm(lies[0])
         rests = max(float(upwards * weighs), 0.0)
         load = pull * preview.turn(roller) + rests
-        pull += sum(nip_friction(assembly, nip, load, sure) for nip in pressed.pop(roller.name, ()))
-        spec = assembly.specs[roller.name]
-        most = tension_after(preview, roller, pull, 1.0)
-        most += coefficient_on(assembly.scene, spec) * rests
-        if roller.name in assembly.turning:
-            torque = pulled.torques.get(roller.name, 0.0) * roller.sense
-            carried = torque * carrying_sense(roller, thread)
-            gained = spec.bearing + (-carried if forth else carried)
-            held = pull + gained / (roller.radius * assembly.strip.width)
-            most = min(most, max(held, tension_after(preview, roller, pull, -1.0)))
+        friction = coefficient_on(assembly.scene, assembly.specs[roller.name])
+        nipped, later = 0.0, {roller.name: 0.0} if roller.name in gained else {}
+        for nip in pressed.pop(roller.name, ()):
+            force = nip_load(assembly, nip, load, sure)
+            pull += nip_friction(assembly, nip, force, gained | later)
+            nipped += friction * force
+        most = tension_after(preview, roller, pull, 1.0) + friction * rests
+        if roller.name in gained:
+            held = pull + gained[roller.name]
+            least = tension_after(preview, roller, pull, -1.0) - nipped
+            most = min(most + nipped, max(held, least))
         pull = max(most, 0.0)
-    others = (nip for each in pressed.values() for nip in each)
-    pull += sum(nip_friction(assembly, nip, 0.0, sure) for nip in others)
+    for nip in (nip for each in pressed.values() for nip in each):
+        pull += nip_friction(assembly, nip, nip_load(assembly, nip, 0.0, sure), gained)
     yield end, max(pull + weight * float(rises[-1]), 0.0)
+
+
+def torque_gains(preview: Preview, pulled: Pulled, forth: bool) -> dict[str, float]:
+    """Return by how much tension (N/m) rises at rollers that turn freely, by torques and bearings.
+
+    Along the strip, or against it.
+    """
+    assembly, found = preview.assembly, dict[str, float]()
+    for roller in (roller for roller in assembly.rollers if roller.name in assembly.turning):
+        torque = pulled.torques.get(roller.name, 0.0) * roller.sense
+        carried = torque * carrying_sense(roller, assembly.thread)
+        gained = assembly.specs[roller.name].bearing + (-carried if forth else carried)
+        found[roller.name] = gained / (roller.radius * assembly.strip.width)
+    return found
 
 
 def rollers_in_order(assembly: Assembly) -> tuple[list[Roller], Array]:
@@ -1198,6 +1214,8 @@ def nip_forces(preview: Preview) -> Iterator[str]:
                 f"{told}, and would crush it, which does not become thinner. "
                 f"Try {closer_rollers(assembly, stage, nip, 0.0)}"
             )
+        elif {a, b}.intersection(assembly.pressing):
+            continue
         elif nip.first.half:
             closer = assembly.signorini.width
             force, more = (nip_force(assembly, nip, nip.squeeze + s) for s in (0.0, closer))
@@ -1208,12 +1226,23 @@ def nip_forces(preview: Preview) -> Iterator[str]:
                 force, more = (off_one_roller(each, weight) for each in (force, more))
                 bent = f", as {weight:.3g} N of its weight lay it on {low.name}"
             yield (
-                f"{told}, and press it with about {force:.2g} N{bent}. The force of a nip cannot "
-                "be given: it follows from the gap by the law of contact, and is "
-                f"{more:.2g} N with a gap smaller by {closer:.1g} m."
+                f"{told}, and press it with about {force:.2g} N{bent}. The force of a nip follows "
+                f"from its gap by the law of contact, and is {more:.2g} N with one smaller by "
+                f"{closer:.1g} m.{given_force(assembly, nip, force)}"
             )
         elif nip.gap < thickness * (1.0 - 1e-9):
             yield f"{told}, and touch its mid-surface alone (contact.faces)."
+
+
+def given_force(assembly: Assembly, nip: Nip, force: float) -> str:
+    """Return what to type so that a roller without a wrap presses the strip with a force (N)."""
+    moved = {name for stage in assembly.scene.stages for name in stage.moves}
+    free = [name for name in nip.names if assembly.specs[name].wrap is None]
+    if not free or not moved.isdisjoint(nip.names):
+        return " To give the force, leave the moves out, and give one of them press (N)." * bool(
+            free
+        )
+    return f" To give it instead, --set rollers.{free[-1]}.press={float(f'{force:.2g}'):g}."
 
 
 def borne_weight(preview: Preview, roller: Roller) -> float:
@@ -1271,13 +1300,27 @@ def nip_force(assembly: Assembly, nip: Nip, squeeze: float) -> float:
     return float(pressure @ areas[near])
 
 
-def nip_friction(assembly: Assembly, nip: Nip, load: float, sure: float) -> float:
-    """Return what friction holds by a nip (N/m), beyond that of what loads one roller (N/m).
+def nip_load(assembly: Assembly, nip: Nip, load: float, sure: float) -> float:
+    """Return the force of a nip (N/m) on both rollers, beyond that of what loads one (N/m).
 
-    Strip that is laid on one roller by its tension comes off the other one.
+    Strip that is laid on one roller by its tension comes off the other one, unless this is pressed.
     """
-    force = nip_force(assembly, nip, nip.squeeze) / (sure * assembly.strip.width)
-    return assembly.driven_friction(nip) * off_one_roller(force, load)
+    force = nip_force(assembly, nip, nip.squeeze) / assembly.strip.width
+    if not assembly.pressing or set(nip.names).isdisjoint(assembly.pressing):
+        return off_one_roller(force / sure, load)
+    return force
+
+
+def nip_friction(assembly: Assembly, nip: Nip, load: float, gained: Mapping[str, float]) -> float:
+    """Return what friction of a nip that presses so (N/m) holds by both rollers (N/m).
+
+    Those that turn freely hold by their torques (N/m), as far as friction takes these.
+    """
+    held = 0.0
+    for name in nip.names:
+        most = coefficient_on(assembly.scene, assembly.specs[name]) * load
+        held += float(np.clip(gained.get(name, most), -most, most))
+    return held
 
 
 def typed_place(assembly: Assembly, stage: str, roller: Roller, centre: Array) -> str:
@@ -1298,8 +1341,16 @@ def typed_place(assembly: Assembly, stage: str, roller: Roller, centre: Array) -
 def closer_rollers(assembly: Assembly, stage: str, nip: Nip, squeeze: float) -> str:
     """Return what to type for a nip that squeezes the strip by so much in a stage.
 
-    Of its rollers the one that moves, else the second.
+    Of its rollers the one that moves, else the second; of one that is pressed the force.
     """
+    for name in set(nip.names).intersection(assembly.pressing):
+        course, key = assembly.scene.stages, f"rollers.{name}.press"
+        until = [each.name for each in course].index(stage) + 1 if stage else 0
+        for each in course[:until]:
+            if name in each.rollers and each.rollers[name].press is not None:
+                key = f"stages.{each.name}.rollers.{name}.press"
+        force = two_digits(nip_force(assembly, nip, squeeze), np.ceil)
+        return f"--set {key}={force:g}"
     moved = {name for each in assembly.scene.stages for name in each.moves}
     here, other = nip.second, nip.first
     if other.name in moved and here.name not in moved:

@@ -902,7 +902,7 @@ def strict_tolerance(preview: Preview) -> Iterator[str]:
         return
     laid = np.zeros(len(plan.supports.free))  # flat
     if assembly.thread is not None:
-        laid = assembly.thread.laid(assembly.strip, assembly.pattern)[plan.supports.free]
+        laid = assembly.laid[plan.supports.free]
     rate, still = 1.0 / plan.duration, np.zeros_like(laid)
     velocity = AffineVelocity(rate, -rate * laid, still) if plan.in_time else None
     equations = plan.equations(velocity)

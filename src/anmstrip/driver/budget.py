@@ -303,7 +303,8 @@ class Budget:
             in_time, names = self.in_time(state, memory.errors), ("time", "path", "regularisation")
             with suppress(SingularTangentError):
                 self.parts |= zip(names, in_time, strict=True)
-        if any(len(passage.names) > 1 for passage in state.passages):
+        pressed = self.assembly.pressing
+        if any(len(p.names) > 1 and {*pressed}.isdisjoint(p.names) for p in state.passages):
             self.parts["regularisation"] = None  # a nip presses as its law makes of its gap
         if self.halved is not None and (state.plan.steady or self.assembly.flow is None):
             self._announce("estimating the errors by the mesh", self.halved)

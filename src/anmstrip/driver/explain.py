@@ -338,6 +338,8 @@ def geometry_table(preview: Preview) -> Table:
         sides = [s.senses[roller.name] for s in preview.strings if roller.name in s.senses]
         touched = sides and (thread or turn > 0.0 or flat_gap(strip, roller) <= 0.0)
         wrap = f"{np.degrees(turn):.4g}°, {sides[0]}" if touched else "not touched"
+        if (press := preview.assembly.specs[roller.name].press) is not None:
+            wrap = f"pressed with {press:g} N"
         kind = preview.assembly.specs[roller.name].drive
         drive = f", {kind}" if kind != "speed" else ""
         centre = ", ".join(f"{c:g}" for c in np.add(roller.centre, strip.origin))

@@ -19,7 +19,7 @@ from anmstrip.arrays import Array
 from anmstrip.fem.sampling import quadrature_points
 from anmstrip.linalg.direct import Factors, equilibrate
 from anmstrip.linalg.solvers import Bordered, SparseSolver
-from anmstrip.mechanics.contact import Contact
+from anmstrip.mechanics.contact import Contact, PressedRollers
 from anmstrip.mechanics.effects import EffectSeries, LawEffect, LawSeries, LoadEffect
 from anmstrip.mechanics.loads import FollowerLoad, GrownWeight
 from anmstrip.mechanics.roller import Roller, combine
@@ -290,6 +290,9 @@ class Partials:
             elif isinstance(effect, Drives):
                 for roller, row in zip(effect.names, np.diag(-1.0 / effect.radii), strict=True):
                     yield f"rollers.{roller}.torque", {name: row[None]}
+            elif isinstance(effect, PressedRollers):
+                for roller, row in zip(effect.names, -np.eye(len(effect.names)), strict=True):
+                    yield f"rollers.{roller}.press", {name: row[None]}
 
     def by_data(self) -> Iterator[tuple[str, Explicit]]:
         """Friction is proportional to f, the membrane to E t, bending to E t³, weight to t."""

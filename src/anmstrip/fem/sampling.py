@@ -294,14 +294,14 @@ class RollerUnknowns(NamedTuple):
     """Unknowns of rollers, one for each, that points see."""
 
     which: Index  # number of that of each point's roller, below 0 if it has none, (points,)
-    count: int
+    size: int  # how many there are
     first: int  # number of the first of them among all unknowns
 
     @property
     def matrix(self) -> csr_matrix:
-        """What takes them to the points, zero where there is none, shape (points, count)."""
+        """What takes them to the points, zero where there is none, shape (points, size)."""
         points = np.flatnonzero(self.which >= 0)
-        index, shape = (points, self.which[points]), (len(self.which), self.count)
+        index, shape = (points, self.which[points]), (len(self.which), self.size)
         return csr_matrix((np.ones(len(points)), index), shape=shape)
 
 

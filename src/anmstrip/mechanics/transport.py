@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from anmstrip.arrays import Array, Index
+from anmstrip.arrays import Array
 from anmstrip.fem.operators import CellOperator, LinearOperator, Part, Pattern
 from anmstrip.fem.sampling import (
     ContactOperator,

@@ -50,7 +50,7 @@ OTHER_NAMES = {
 NO_CONTROLS = {
     "axis": "axis in [[rollers]], for the whole run: no stage turns it",
     "force": "the tension that it makes: a weight G on a half turn of strip of width b is "
-    "EDGE.tension = G/2b; or the roller's place, move",
+    "EDGE.tension = G/2b; or press = 1000.0 (N), of a roller that presses strip on another one",
 }
 """What a stage does not change of a roller, and what to type instead."""
 
@@ -78,6 +78,10 @@ FOREIGN_KEYS = {
     "tilt": "axis = [0.0, 1.0, 0.001], for an end at +y that is higher by 1 mrad",
     "temperature": "temperatures are those of the strip, strip.temperature",
     "speed": "the speed of its surface in a stage, rollers.NAME.surface_speed = 1.0",
+    **dict.fromkeys(
+        ("force", "load", "nip_force", "line_load", "pressure"),
+        "press = 1000.0 (N), of a roller that presses strip on another one",
+    ),
 }
 """Keys of rollers in other programs, and what to type instead."""
 

@@ -84,7 +84,7 @@ USUAL_STRAIN = 1e-4
 
 
 def with_defaults(scene: SceneSpec) -> SceneSpec:
-    """Return the scene with what it has left open, and rollers that are pressed where they press."""
+    """Return the scene with what it has left open, and pressed rollers at the strip."""
     scene = scene.model_copy(update={"rollers": closed_rollers(scene)})
     if scene.strip.feed is None:
         strip = scene.strip.model_copy(update={"feed": is_fed_by_default(scene)})
@@ -104,17 +104,14 @@ def closed_rollers(scene: SceneSpec) -> tuple[RollerSpec, ...]:
     However far open they are drawn; see :attr:`Assembly.faces`.
     """
     faces = scene.contact is None or scene.contact.faces is not False
-    found = []
-    for roller in scene.rollers:
-        if roller.press is not None:
-            partner = pressed_against(scene.rollers, roller)
-            assert partner is not None  # by a rule of scenes
-            closing = partner.gap - faces * scene.strip.thickness
-            if abs(closing) > ROUND_OFF * roller.radius:
-                centre = np.asarray(roller.centre) + closing * partner.way
-                roller = roller.model_copy(update={"centre": tuple(centre.tolist())})
-        found.append(roller)
-    return tuple(found)
+    found = {roller.name: roller for roller in scene.rollers}
+    for name, roller in found.items():
+        partner = None if roller.press is None else pressed_against(scene.rollers, roller)
+        closing = 0.0 if partner is None else partner.gap - faces * scene.strip.thickness
+        if partner is not None and abs(closing) > ROUND_OFF * roller.radius:
+            centre = np.asarray(roller.centre) + closing * partner.way
+            found[name] = roller.model_copy(update={"centre": tuple(centre.tolist())})
+    return tuple(found.values())
 
 
 def loose_across(scene: SceneSpec) -> bool:

@@ -873,10 +873,11 @@ class Assembly:
         for stage, nips in zip([None, *self.scene.stages], self.layout.nips, strict=True):
             controls = {} if stage is None else stage.rollers
             presses |= {name: c.press for name, c in controls.items() if c.press is not None}
-            forces = [sum(presses.get(name, 0.0) for name in nip.names) for nip in nips]
-            given = self.signorini, self.strip.width
-            pairs = zip(nips, forces, strict=True)
-            found.append([nip.pressed(force, *given) if force else nip for nip, force in pairs])
+            found.append([])
+            for nip in nips:
+                force = sum(presses.get(name, 0.0) for name in nip.names)
+                given = force and (force, self.signorini, self.strip.width)
+                found[-1].append(nip.pressed(*given) if given else nip)
         return found
 
     def begun_press(self, name: str) -> float:

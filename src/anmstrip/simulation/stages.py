@@ -435,9 +435,7 @@ class Course:
             control, key = stage.rollers.get(roller.name), f"rollers.{roller.name}"
             plain[f"{key}.surface_speed"] = self._asked_speed(stage, roller)
             plain[f"{key}.torque"] = control and control.torque
-            plain[f"{key}.press"] = control and control.press
-            if stage is self.assembly.scene.stages[0] and plain[f"{key}.press"] is None:
-                plain[f"{key}.press"] = self.assembly.specs[roller.name].press
+            plain[f"{key}.press"] = self._asked_press(stage, roller.name)
             if roller.name in stage.moves:
                 end[f"{key}.centre"] = np.array(roller.centre) + stage.moves[roller.name]
         end |= {key: np.array(to, dtype=float) for key, to in plain.items() if to is not None}
@@ -448,6 +446,14 @@ class Course:
             gathered, _ = self.assembly.gathered_in(stage)
             end["strip.held"] = growth.held(centres, start["strip.held"], *given, gathered)
         return end
+
+    def _asked_press(self, stage: StageSpec, name: str) -> float | None:
+        """Force (N) with which a stage presses a roller; flat strip is pressed in the first one."""
+        control = stage.rollers.get(name)
+        if control is not None and control.press is not None:
+            return control.press
+        first = stage is self.assembly.scene.stages[0]
+        return self.assembly.specs[name].press if first else None
 
     def _held(self, stage: StageSpec | None = None) -> dict[str, tuple[str, ...]]:
         """Components that edges hold in a stage; strip that is threaded is pulled at its exit."""
