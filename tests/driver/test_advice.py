@@ -821,6 +821,8 @@ ELSEWHERE = {
     "curled_edges": "of sections that shells replace, in test_curled_edges.py",
     "many_tangents": "test_forewarnings.py",
     "smaller_torques": "words of beyond_capacity",
+    "given_force": "words of nip_forces, in test_press.py",
+    "closer_rollers": "words of beyond_capacity and others, in test_nip.py and test_press.py",
     "pulled_off": "words of untouched_roller",
     "rates_of_labels": "of a user's own effects, in test_own_effects.py",
     "squeezed": "test_diagnosis.py, test_nip.py",

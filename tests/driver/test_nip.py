@@ -91,7 +91,7 @@ def test_the_force_of_a_nip_follows_from_its_gap() -> None:
     (words,) = (line for line in told(pinch(1e-5)) if "nip" in line)
     assert "rollers bottom and top leave a gap of 0.00099 m to a strip of 0.001 m" in words
     assert "The force of a nip follows from its gap" in words
-    assert words.endswith("To give the force, leave the moves out, and give one of them press (N).")
+    assert words.endswith("To give the force, leave the moves out, and give top a press (N).")
     assert not any("nip" in line for line in told(pinch(-1e-4)))
     assert not any("nip" in line for line in told(pinch(0.0, 0.0, "contact.faces=false")))
 

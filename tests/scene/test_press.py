@@ -330,3 +330,29 @@ def test_strip_has_to_run_between_them() -> None:
     tables["rollers"][1]["centre"] = [0.0, 0.0, -0.5]
     with pytest.raises(InputError, match="strip that runs between top and bottom"):
         explain(Scene.model_validate(tables))
+
+
+def test_the_force_that_is_told_of_a_gap_can_be_typed() -> None:
+    """The run with it ends, and has it."""
+    tables = copy.deepcopy(SNUBBER)
+    tables["rollers"][1] |= {"centre": [0.5009, 0.0, 0.0]}
+    del tables["rollers"][1]["press"]
+    del tables["stages"][1]
+    scene = Scene.from_tables(tables, "drum.toml")
+    (words,) = (line for line in warned(scene) if "nip" in line)
+    key, force = re.findall(r"To give it instead, --set (\S+)=(\S+)\.$", words)[0]
+    *_, last = states(Scene.from_tables(tables, "drum.toml", [f"{key}={force}"]))
+    assert key == "rollers.snubber.press"
+    assert pressing(last, "snubber") == pytest.approx(float(force), rel=1e-5)
+
+
+def test_a_resumed_run_ends_in_the_same_state(tmp_path: Path) -> None:
+    (*_, whole), run = states(Scene.model_validate(PINCH)), None
+    scene = Scene.model_validate(PINCH)
+    run = scene.run(tmp_path)
+    for number, _ in enumerate(run):
+        if number == 15:
+            break
+    run.interrupted()
+    *_, step = scene.run(tmp_path, resume=True)
+    np.testing.assert_array_equal(step.state.full, whole.full)

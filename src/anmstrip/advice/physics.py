@@ -1238,10 +1238,10 @@ def given_force(assembly: Assembly, nip: Nip, force: float) -> str:
     """Return what to type so that a roller without a wrap presses the strip with a force (N)."""
     moved = {name for stage in assembly.scene.stages for name in stage.moves}
     free = [name for name in nip.names if assembly.specs[name].wrap is None]
-    if not free or not moved.isdisjoint(nip.names):
-        return " To give the force, leave the moves out, and give one of them press (N)." * bool(
-            free
-        )
+    if not free:
+        return ""
+    if not moved.isdisjoint(nip.names):
+        return f" To give the force, leave the moves out, and give {free[-1]} a press (N)."
     return f" To give it instead, --set rollers.{free[-1]}.press={float(f'{force:.2g}'):g}."
 
 
