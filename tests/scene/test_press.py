@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import pyvista
 
+from anmstrip.advice.physics import largest_held_tension, pulled_at_both_ends
 from anmstrip.advice.preview import Preview
 from anmstrip.advice.warnings import warnings
 from anmstrip.driver.explain import explain
@@ -191,6 +192,25 @@ def test_torques_of_pinch_rolls_hold_what_their_force_lets_them() -> None:
     assert all(r.torque == pytest.approx(150.0) for r in last.rollers.values())
 
 
+@pytest.mark.parametrize(("torque", "pull"), [(20.0, 1780.0), (20.0, 1950.0), (70.0, 1780.0)])
+def test_what_torques_in_a_nip_hold_is_told(torque: float, pull: float) -> None:
+    """20 N m on 0.1 m and a width of 0.5 m hold 400 N/m, and bearings 100 more or less.
+
+    Of the 1 400 N/m that 70 N m make friction bears 900.
+    """
+    tables = copy.deepcopy(FLAT)
+    tables["strip"]["width"] = 0.5
+    low, top = tables["rollers"]
+    low["drive"], low["bearing"] = "torque", 5.0
+    stage = tables["stages"][1]
+    stage["entry"]["force"], stage["rollers"] = [-pull, 0.0, 0.0], {"low": {"torque": torque}}
+    preview = Preview.of(Assembly(Scene.model_validate(tables)))
+    assert ("runs away" not in " ".join(warnings(preview))) is ((torque, pull) == (20.0, 1780.0))
+    (pulled,) = pulled_at_both_ends(preview)
+    most = {20.0: 1400.0 + 400.0 + 100.0, 70.0: 1400.0 + 900.0}
+    assert largest_held_tension(preview, "entry", pulled) == pytest.approx(most[torque], rel=1e-3)
+
+
 @pytest.mark.parametrize("tables", [PINCH, SNUBBER], ids=["pinch", "snubber"])
 def test_the_force_goes_with_no_mesh_and_no_law(tables: dict[str, Any]) -> None:
     """Tensions and forces are the same on a mesh twice as fine, and by a law half as wide."""
@@ -225,7 +245,10 @@ def test_the_picture_has_it_where_it_is(tmp_path: Path) -> None:
     low, top = points[points[:, 2] < 0.0], points[points[:, 2] > 0.0]
     apart = top[:, 2].mean() - low[:, 2].mean()
     assert apart == pytest.approx((last.centre("top") - last.centre("bottom"))[2], abs=1e-7)
-    assert 0.3 < apart < 0.3 + THICKNESS
+    law, squeeze = last.contact.signorini if last.contact else None, 0.3 + THICKNESS - apart
+    x = np.linspace(-0.02, 0.02, 20_001)
+    borne = np.trapezoid(law(0.5 * (x**2 / 0.15 - squeeze)), x)  # by straight strip
+    assert borne == pytest.approx(2.0 * PRESS, rel=0.03)
 
 
 def test_sensitivity_to_the_force() -> None:
