@@ -132,11 +132,13 @@ class ContactState:
         """Pressure (Pa) above which each point is in contact, shape (points,).
 
         What is faint, and a tenth of the mean pressure around the point, weighted by force.  Of a
-        roller round which strip is drawn, what another one presses it with in a nip is left out.
+        roller round which strip is drawn, points that another one presses on it are left out:
+        strip that resists bending bears other pressures on its two sides there.
         """
         alone = np.maximum(self.pressure - self.opposed, 0.0)
         drawn = alone @ self.area > DRAWN_SHARE * self.normal_force
-        pressure, x = alone if drawn else self.pressure, self.contact.sampling.reference[0]
+        nipped = drawn & (self.opposed > self.contact.signorini.faint)
+        pressure, x = np.where(nipped, 0.0, self.pressure), self.contact.sampling.reference[0]
         order, force = np.argsort(x), pressure * self.area
         sums = np.stack([force * pressure, force])[:, order].cumsum(axis=1)
         sums = np.pad(sums, ((0, 0), (1, 0)))

@@ -784,7 +784,7 @@ def pressed_rollers(rollers: Rollers, stages: Stages) -> Mistakes:
         elif roller.wrap is not None:
             expected = f"nothing on a roller with a wrap, beside which {partner.name} is to press"
             hint = f"rollers.{partner.name}.press = {roller.press:g}, and no press of {name}"
-        elif partner.name in kept:
+        elif partner.name in pressed and partner.name in kept:
             expected = f"nothing, since {partner.name}, against which it presses, is pressed itself"
         else:
             kept |= {name: name, partner.name: name}
