@@ -255,7 +255,7 @@ def test_what_was_computed_before_an_interruption_is_written(tmp_path: Path) -> 
         (("entry.tension=80",), "--along entry.tension=80:88"),
         (("strip.speed=1:2:1",), "two different numbers"),
         (("duration=1:2",), "a control"),
-        (("entry.release=1:2",), "rollers.(a).surface_speed, .angular_speed or .torque"),
+        (("entry.release=1:2",), "rollers.(a).surface_speed, .angular_speed, .torque or .press"),
         ((), "one control or two"),
         (("strip.speed=1:2", "strip.speed=1:2"), "another control"),
     ],

@@ -124,7 +124,7 @@ class Along:
         names, file = "|".join(roller.name for roller in scene.rollers), scene.source or "scene"
         expected = (
             "a control of a stage that is a number: strip.speed, entry.tension, exit.tension, "
-            f"pressure, rollers.({names}).surface_speed, .angular_speed or .torque"
+            f"pressure, rollers.({names}).surface_speed, .angular_speed, .torque or .press"
         )
         _, _, given = self.text.partition("=")
         first, *others = self.key.split(".")
