@@ -16,7 +16,6 @@ from anmstrip.advice.physics import loose_fibres, slack_edge, uneven_fibres
 from anmstrip.advice.preview import Preview, free_motions
 from anmstrip.advice.warnings import against_section, element_over, serious, warnings
 from anmstrip.continuation.path import Outcome
-from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.fem.sampling import l2_projection, quadrature_points
@@ -1021,33 +1020,6 @@ def test_a_draw_that_stretchy_strip_holds_between_rollers_is_no_slip() -> None:
     for friction, slips in ((0.8, True), (1.4, False)):
         told = warnings(preview_of(tables | {"friction": {"coefficient": friction}}))
         assert any("the strip slips on one of them" in line for line in told) == slips
-
-
-@pytest.mark.parametrize(("draw", "slips"), [(1e-5, False), (3e-5, True), (3e-3, True)])
-def test_a_small_draw_of_steel_beyond_the_grip_of_its_rollers_is_told(
-    draw: float, slips: bool
-) -> None:
-    """On 73° at f = 0.2 they hold 2.8 of 10 kN/m, by which 1 mm of steel stretches by 1.4e-5."""
-    places = (("slow", 0.0), ("fast", 2.0))
-    speeds = {"slow": {"surface_speed": 1.0}, "fast": {"surface_speed": 1.0 + draw}}
-    tables = {
-        "strip": {"kinematics": "section", "width": 1.0, "thickness": 1e-3},
-        "material": {"young": 2e11, "poisson": 0.3},
-        "friction": {"coefficient": 0.2},
-        "threading": {"tension": 1e4, "entry": [-1.0, 0.0, -2.0], "exit": [3.0, 0.0, -2.0]},
-        "rollers": [
-            {"name": name, "radius": 0.3, "centre": [x, 0.0, 0.0], "wrap": "over"}
-            for name, x in places
-        ],
-        "stages": [{"name": "run", "steady": True, "rollers": speeds,
-                    "entry": {"tension": 1e4}, "exit": {"tension": 1e4}}],
-    }  # fmt: skip
-    told = warnings(preview_of(tables))
-    assert any("the strip slips on one of them" in line for line in told) == slips
-    run = Run(Scene.model_validate(tables))
-    *_, last = run
-    torque = last.state.rollers["fast"].torque / (2e8 * 0.3)
-    assert (torque < 0.99 * draw) == slips
 
 
 @pytest.mark.parametrize(("rise", "slips"), [(2.0, False), (1.5, True)])

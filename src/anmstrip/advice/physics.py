@@ -25,7 +25,6 @@ from anmstrip.results.wrinkles import TO_SIDES
 from anmstrip.scene.checks import PARALLEL_COSINE, ROUND_OFF, moved_ends
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, EdgeSpec
-from anmstrip.simulation import defaults
 from anmstrip.simulation.defaults import (
     bending_stiffness,
     bent_curvature,
@@ -68,11 +67,7 @@ GRAZING_DEPTH = 1e-3
 """Share of a roller's radius by which a string may be nearer to it than its surface."""
 
 SPEED_DIFFERENCE = 0.01
-"""Share by which speeds of rollers may differ in time: far more than any strip creeps, which comes
-to be stretched by it after some spans only."""
-
-LOST_GRIP = 1.2
-"""Stretch between two rollers from which on strip is told to slip, over that which they hold."""
+"""Share by which speeds of rollers may differ: far more than the elastic creep of any strip."""
 
 BRAKING_SHARE = 0.1
 """Share of its tension to which rollers may brake a strip, unsaid."""
@@ -841,15 +836,12 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
     touched = [roller for roller in assembly.driven if preview.turn(roller) > 0.0]
     if assembly.friction is None:
         return
-    grips = ((holding_ratio(preview, roller) - 1.0) * preview.tension for roller in touched)
-    nipped = (nip_grip(preview, roller) for roller in touched)
-    held = min(map(sum, zip(grips, nipped, strict=True)), default=0.0)
-    held /= assembly.strip.tensile_stiffness
+    grip = min((holding_ratio(preview, roller) for roller in touched), default=1.0)
+    held = (grip - 1.0) * preview.tension / assembly.strip.tensile_stiffness
     if (flow := flow_stress(assembly.scene)) is not None:  # half of the rollers are on either side
         whole = float(np.prod([holding_ratio(preview, roller) for roller in touched]))
         yields = preview.tension * np.sqrt(whole) > flow * assembly.strip.thickness
         held = LARGEST_ELONGATION if yields else held
-    heat = max(defaults.eigenstrain(assembly.scene, shape) for shape in assembly.scene.shapes)
     places = dict[str, tuple[float, float, float]]()
     for stage, last in carrying_speeds(assembly, touched):
         ways = [np.subtract(to, places.get(name, 0.0)) for name, to in stage.moves.items()]
@@ -862,8 +854,7 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
         for name, told in others.items():
             speed, given = last.get(name, 0.0), last[fast]
             draw = (abs(speed - given) - taken) / abs(given)
-            least = max(LOST_GRIP * held + heat, 0.0 if stage.steady else SPEED_DIFFERENCE)
-            if draw > least and not gathers(assembly, stage, name, fast):
+            if draw > max(SPEED_DIFFERENCE, held) and not gathers(assembly, stage, name, fast):
                 how = f"goes at {speed:g} m/s" if speed else "stands"
                 order = [r.name for r in touched]  # along the strip
                 piles = order.index(fast) < order.index(name) and distributed_load(assembly.scene)
@@ -875,16 +866,6 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
                     f"{typed_speed(assembly, stage, told, given)}"
                 )
                 return
-
-
-def nip_grip(preview: Preview, roller: Roller) -> float:
-    """Return what friction of a roller's nip holds in any stage (N/m), 0 without one."""
-    assembly = preview.assembly
-    nips = [nip for nips in assembly.nips for nip in nips if roller.name in nip.names]
-    if not roller.half:
-        return 0.0
-    held = (assembly.driven_friction(nip) * nip.line_load(assembly.signorini) for nip in nips)
-    return max(held, default=0.0)
 
 
 def gathers(assembly: Assembly, stage: StageSpec, *names: str) -> bool:
