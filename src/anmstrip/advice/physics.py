@@ -850,7 +850,9 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
                         words += f"{bound * assembly.strip.tensile_stiffness:.3g} N/m at most"
                     other = typed_speed(assembly, stage, told, given - taken)
                     if speeds is before:
-                        words = words.replace(f" in stage {stage.name}", f" as stage {stage.name} begins")
+                        words = words.replace(
+                            f" in stage {stage.name}", f" as stage {stage.name} begins"
+                        )
                         other = "a short stage before, in which rollers come to their speeds"
                     unless = "Unless that is meant, try" if speed * given < 0.0 else "Try"
                     yield (
