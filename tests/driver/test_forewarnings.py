@@ -1106,6 +1106,34 @@ def test_a_roller_that_turns_against_the_line_may_be_meant() -> None:
     assert told.endswith("--set stages.run.rollers.coat.surface_speed=1")
 
 
+def test_a_line_without_any_speed_is_told_to_stand() -> None:
+    """Its speed had been forgotten: it ran as a line that stands, of which nothing was said."""
+    tables = {
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 5e-4},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "friction": {"coefficient": 0.3},
+        "threading": {"tension": 5e3, "entry": [-1.0, 0.0, -1.0], "exit": [3.0, 0.0, -1.0]},
+        "rollers": [
+            {"name": "idler", "radius": 0.2, "centre": [0.0, 0.0, 0.0], "wrap": "over",
+             "drive": "idle"},
+            {"name": "pull", "radius": 0.2, "centre": [2.0, 0.0, 0.0], "wrap": "over"},
+        ],
+        "stages": [{"name": "run", "steady": True, "entry": {"tension": 5e3}}],
+    }  # fmt: skip
+    cure = "Try --set stages.run.rollers.pull.surface_speed=1"
+    assert [cure in line for line in warnings(preview_of(tables))] == [True]
+    tables["stages"][0]["rollers"] = {"pull": {"surface_speed": 1.0}}
+    assert not warnings(preview_of(tables))
+    tables["rollers"][0]["centre"] = [0.0, 0.1, 0.0]
+    cure = "Try --set 'rollers.idler.centre=[0, 0, 0.1]'"
+    assert [cure in line for line in warnings(preview_of(tables))] == [True]
+    tables["rollers"][0]["centre"] = [0.0, 0.0, 0.1]
+    assert not warnings(preview_of(tables))
+    tables["rollers"][0] |= {"centre": [0.0, 0.1, 0.0], "crown": [0.0, -1e-3]}
+    tables["strip"]["kinematics"] = "shell"
+    assert not any("along the axis" in line for line in warnings(preview_of(tables)))
+
+
 @pytest.mark.parametrize(("speed", "gravity", "hangs"), [
     (0.9, -9.81, True), (0.9, 0.0, False), (1.1, -9.81, False),
 ])  # fmt: skip

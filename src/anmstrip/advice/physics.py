@@ -7,6 +7,7 @@ sentences, each with what to type.
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -1050,6 +1051,46 @@ def standing_rollers(preview: Preview) -> Iterator[str]:
         return
 
 
+def standing_line(preview: Preview) -> Iterator[str]:
+    """A steady stage that comes to rest, in a scene that gives no roller and no end a speed."""
+    assembly, scene = preview.assembly, preview.assembly.scene
+    gripping = [
+        r.name for r in assembly.driven if preview.turn(r) * holding_ratio(preview, r) > 0.0
+    ]
+    steady = [stage.name for stage in scene.stages if stage.steady]
+    for stage in scene.stages:
+        ends = [edge.speed or edge.velocity for edge in stage.edges.values()]
+        turned = [c.surface_speed or c.angular_speed or c.torque for c in stage.rollers.values()]
+        if any([*ends, *turned, stage.strip.speed]):
+            return
+    if steady and gripping and assembly.friction is not None:
+        yield (
+            f"nothing sets the strip going in stage {steady[-1]}: no roller has a speed, and it "
+            f"stands. Try --set stages.{steady[-1]}.rollers.{gripping[0]}.surface_speed=1"
+        )
+
+
+def drawn_across(preview: Preview) -> Iterator[str]:
+    """Cylinders along y that are placed or moved along themselves, where only y is given."""
+    scene = preview.assembly.scene
+    for spec in scene.rollers:
+        if spec.profile or any(spec.axis[::2]):
+            continue
+        moves = {
+            f"stages.{stage.name}.rollers.{spec.name}.move": stage.moves[spec.name]
+            for stage in scene.stages
+            if spec.name in stage.moves and not stage.moves[spec.name][0]
+        }
+        for key, (x, y, z) in {f"rollers.{spec.name}.centre": spec.centre, **moves}.items():
+            if y and not z:
+                better = typed_vector([x, 0.0, y])
+                yield (
+                    f"{key} = {typed_vector([x, y, z])} is {abs(y):g} m along the axis of a "
+                    "cylinder, which is the same there; was it meant in z, which points upwards? "
+                    f"Try --set {shlex.quote(f'{key}={better}')}"
+                )
+
+
 BELT_MARGIN = 1.1
 """Larger than 1, as runs of a belt are not equally long: a tenth more torque is not told."""
 
@@ -1702,5 +1743,5 @@ PHYSICS_RULES = (
     side_of_return, lifting_pressure, lifted_off_by_pressure, sinking_exit, turning_pull,
     nip_forces, heavy_bearings, slack_edge, uneven_fibres, loose_fibres, untouched_roller,
     sideways_entry, beyond_yield, stretched_beyond_yield, gravity_upwards, unequal_speeds,
-    opposed_nip, slipping_nips, standing_rollers,
+    opposed_nip, slipping_nips, standing_rollers, standing_line, drawn_across,
 )  # fmt: skip
