@@ -399,6 +399,15 @@ WRONG: list[tuple[list[tuple[str, Any]], str, str]] = [
         "rollers a, b stand in stage run and the strip, which comes in at 2 m/s, slides over",
         "--set 'rollers.a.drive=\"idle\"' --set 'rollers.b.drive=\"idle\"'",
     ),
+    (  # they were forgotten
+        [("stages.1.entry", {"tension": 1e4}), ("stages.1.rollers", {}), ("stages.1.steady", True)],
+        "nothing sets the strip going in stage run: no roller has a speed",
+        "stages.run.rollers.a.surface_speed=1 --set stages.run.rollers.b.surface_speed=1",
+    ),
+    (  # y for z, of a roller that stands clear
+        [("rollers.2", {"name": "c", "radius": 0.1, "centre": [-2.0, -1.0, 0.0]})],
+        "along the axis of a cylinder", "--set 'rollers.c.centre=[-2, 0, -1]'",
+    ),
     ([("material.yield_stress", 3e8)], "bending over a, b gives 366 MPa", "rollers.b.radius=0.37"),
     (
         [("strip.thickness", 5e-3)],

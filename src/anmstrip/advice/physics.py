@@ -1064,31 +1064,24 @@ def standing_line(preview: Preview) -> Iterator[str]:
         if any([*ends, *turned, stage.strip.speed]):
             return
     if steady and gripping and assembly.friction is not None:
+        key = f"stages.{steady[-1]}.rollers"
         yield (
             f"nothing sets the strip going in stage {steady[-1]}: no roller has a speed, and it "
-            f"stands. Try --set stages.{steady[-1]}.rollers.{gripping[0]}.surface_speed=1"
+            f"stands. Try {' '.join(f'--set {key}.{name}.surface_speed=1' for name in gripping)}"
         )
 
 
 def drawn_across(preview: Preview) -> Iterator[str]:
-    """Cylinders along y that are placed or moved along themselves, where only y is given."""
-    scene = preview.assembly.scene
-    for spec in scene.rollers:
-        if spec.profile or any(spec.axis[::2]):
-            continue
-        moves = {
-            f"stages.{stage.name}.rollers.{spec.name}.move": stage.moves[spec.name]
-            for stage in scene.stages
-            if spec.name in stage.moves and not stage.moves[spec.name][0]
-        }
-        for key, (x, y, z) in {f"rollers.{spec.name}.centre": spec.centre, **moves}.items():
-            if y and not z:
-                better = typed_vector([x, 0.0, y])
-                yield (
-                    f"{key} = {typed_vector([x, y, z])} is {abs(y):g} m along the axis of a "
-                    "cylinder, which is the same there; was it meant in z, which points upwards? "
-                    f"Try --set {shlex.quote(f'{key}={better}')}"
-                )
+    """Cylinders that are placed along themselves, where y was typed for z."""
+    for spec in preview.assembly.scene.rollers:
+        x, y, z = spec.centre
+        if y and not (z or spec.profile or any(spec.axis[::2])):
+            key, better = f"rollers.{spec.name}.centre", typed_vector([x, 0.0, y])
+            yield (
+                f"{key} = {typed_vector(spec.centre)} is {abs(y):g} m along the axis of a "
+                "cylinder, which is the same there; was it meant in z, which points upwards? "
+                f"Try --set {shlex.quote(f'{key}={better}')}"
+            )
 
 
 BELT_MARGIN = 1.1
