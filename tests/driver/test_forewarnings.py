@@ -399,6 +399,15 @@ WRONG: list[tuple[list[tuple[str, Any]], str, str]] = [
         "rollers a, b stand in stage run and the strip, which comes in at 2 m/s, slides over",
         "--set 'rollers.a.drive=\"idle\"' --set 'rollers.b.drive=\"idle\"'",
     ),
+    (  # they were forgotten
+        [("stages.1.entry", {"tension": 1e4}), ("stages.1.rollers", {}), ("stages.1.steady", True)],
+        "nothing sets the strip going in stage run: no roller has a speed",
+        "stages.run.rollers.a.surface_speed=1 --set stages.run.rollers.b.surface_speed=1",
+    ),
+    (  # y for z, of a roller that stands clear
+        [("rollers.2", {"name": "c", "radius": 0.1, "centre": [-2.0, -1.0, 0.0]})],
+        "along the axis of a cylinder", "--set 'rollers.c.centre=[-2, 0, -1]'",
+    ),
     ([("material.yield_stress", 3e8)], "bending over a, b gives 366 MPa", "rollers.b.radius=0.37"),
     (
         [("strip.thickness", 5e-3)],
@@ -1022,9 +1031,16 @@ def test_a_draw_that_stretchy_strip_holds_between_rollers_is_no_slip() -> None:
         assert any("the strip slips on one of them" in line for line in told) == slips
 
 
-@pytest.mark.parametrize(("rise", "slips"), [(2.0, False), (1.5, True)])
-def test_an_accumulator_gives_off_what_its_entry_brings_less(rise: float, slips: bool) -> None:
-    """Two strands of a carriage that rises by h are shorter by 2 h: at 1 m/s, those 2 m/s."""
+@pytest.mark.parametrize(("rise", "slows", "when"), [
+    (2.0, 0.01, None), (1.5, 0.01, "in stage rise"), (2.0, None, "as stage rise begins"),
+])  # fmt: skip
+def test_an_accumulator_gives_off_what_its_entry_brings_less(
+    rise: float, slows: float | None, when: str | None
+) -> None:
+    """Two strands of a carriage that rises by h are shorter by 2 h: at 1 m/s, those 2 m/s.
+
+    Where its entry still brings them as the carriage begins to rise, strip slips at 1.9 m/s.
+    """
     places = {"slow": (0.0, -0.3), "carriage": (0.6, -6.0), "fast": (1.2, -0.3)}
     rollers = [
         {"name": name, "radius": 0.3, "centre": [x, 0.0, z], "wrap": "left"}
@@ -1037,6 +1053,9 @@ def test_an_accumulator_gives_off_what_its_entry_brings_less(rise: float, slips:
         {"name": "rise", "duration": 2.0, "rollers": {
             "slow": {"surface_speed": 0.0}, "carriage": {"move": [0.0, 0.0, rise]}}},
     ]  # fmt: skip
+    if slows is not None:
+        slow = {"slow": {"surface_speed": 0.0}}
+        stages.insert(1, {"name": "slow", "duration": slows, "rollers": slow})
     tables = {
         "strip": {"kinematics": "section", "width": 1.0, "thickness": 7e-4},
         "material": {"young": 2e11, "poisson": 0.3},
@@ -1045,8 +1064,83 @@ def test_an_accumulator_gives_off_what_its_entry_brings_less(rise: float, slips:
         "rollers": rollers,
         "stages": stages,
     }
-    told = warnings(preview_of(tables))
-    assert any("the strip slips on one of them" in line for line in told) == slips
+    told = [line for line in warnings(preview_of(tables)) if "slips on one of them" in line]
+    assert len(told) == (when is not None)
+    assert all(f"stands {when}" in line or f"goes at 2 m/s {when}" in line for line in told)
+    assert all(("or a short stage before" in line) == (slows is None) for line in told)
+
+
+@pytest.mark.parametrize(("draw", "slips"), [(1.003, True), (1.0003, False)])
+def test_a_draw_beyond_what_friction_holds_in_a_steady_line_is_told(draw, slips) -> None:
+    """Film of 225 kN/m between two rollers that hold 50 N/m e^(fθ) each: 80 N/m."""
+    rolls = [
+        {"name": name, "radius": 0.2, "centre": [x, 0.0, 0.0], "wrap": "over"}
+        for name, x in (("slow", 0.0), ("fast", 2.0))
+    ]
+    speeds = {"slow": {"surface_speed": 2.0}, "fast": {"surface_speed": 2.0 * draw}}
+    tables = {
+        "strip": {"kinematics": "section", "width": 1.5, "thickness": 5e-5},
+        "material": {"young": 4.5e9, "poisson": 0.3},
+        "friction": {"coefficient": 0.3},
+        "threading": {"tension": 50.0, "entry": [-0.2, 0.0, -2.0], "exit": [2.2, 0.0, -2.0]},
+        "rollers": rolls,
+        "stages": [{"name": "draw", "steady": True, "rollers": speeds,
+                    "entry": {"tension": 50.0}, "exit": {"tension": 50.0}}],
+    }  # fmt: skip
+    told = [line for line in warnings(preview_of(tables)) if "slips on one of them" in line]
+    assert len(told) == slips
+    assert all("stretch by 673 N/m, and friction holds 80.1 N/m at most" in line for line in told)
+    tables["strip"]["temperature"] = {"across": [0.0], "along": [[0.0, 0.0], [2.0, 1.0]]}
+    tables["material"]["expansion"] = 1e-5
+    assert not any("slips on one of them" in line for line in warnings(preview_of(tables)))
+
+
+def test_a_roller_that_turns_against_the_line_may_be_meant() -> None:
+    """One of a coater that turns against the web is told as such, and given the web's speed."""
+    rolls = [
+        {"name": name, "radius": 0.2, "centre": [x, 0.0, 0.0], "wrap": "over"}
+        for name, x in (("coat", 0.0), ("pull", 2.0))
+    ]
+    speeds = {"coat": {"surface_speed": -1.5}, "pull": {"surface_speed": 1.0}}
+    tables = {
+        "strip": {"kinematics": "section", "width": 1.5, "thickness": 5e-5},
+        "material": {"young": 4.5e9, "poisson": 0.3},
+        "friction": {"coefficient": 0.3},
+        "threading": {"tension": 50.0, "entry": [-0.2, 0.0, -2.0], "exit": [2.2, 0.0, -2.0]},
+        "rollers": rolls,
+        "stages": [{"name": "run", "steady": True, "rollers": speeds, "entry": {"tension": 50.0}}],
+    }
+    (told,) = (line for line in warnings(preview_of(tables)) if "slips on one of them" in line)
+    assert 'Unless that is meant, try rollers.coat.drive = "idle"' in told
+    assert told.endswith("--set stages.run.rollers.coat.surface_speed=1")
+
+
+def test_a_line_without_any_speed_is_told_to_stand() -> None:
+    """Its speed had been forgotten: it ran as a line that stands, of which nothing was said."""
+    tables = {
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 5e-4},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "friction": {"coefficient": 0.3},
+        "threading": {"tension": 5e3, "entry": [-1.0, 0.0, -1.0], "exit": [3.0, 0.0, -1.0]},
+        "rollers": [
+            {"name": "idler", "radius": 0.2, "centre": [0.0, 0.0, 0.0], "wrap": "over",
+             "drive": "idle"},
+            {"name": "pull", "radius": 0.2, "centre": [2.0, 0.0, 0.0], "wrap": "over"},
+        ],
+        "stages": [{"name": "run", "steady": True, "entry": {"tension": 5e3}}],
+    }  # fmt: skip
+    cure = "Try --set stages.run.rollers.pull.surface_speed=1"
+    assert [cure in line for line in warnings(preview_of(tables))] == [True]
+    tables["stages"][0]["rollers"] = {"pull": {"surface_speed": 1.0}}
+    assert not warnings(preview_of(tables))
+    tables["rollers"][0]["centre"] = [0.0, 0.1, 0.0]
+    cure = "Try --set 'rollers.idler.centre=[0, 0, 0.1]'"
+    assert [cure in line for line in warnings(preview_of(tables))] == [True]
+    tables["rollers"][0]["centre"] = [0.0, 0.0, 0.1]
+    assert not warnings(preview_of(tables))
+    tables["rollers"][0] |= {"centre": [0.0, 0.1, 0.0], "crown": [0.0, -1e-3]}
+    tables["strip"]["kinematics"] = "shell"
+    assert not any("along the axis" in line for line in warnings(preview_of(tables)))
 
 
 @pytest.mark.parametrize(("speed", "gravity", "hangs"), [

@@ -306,3 +306,29 @@ def test_strip_that_slides_as_its_entry_holds_it_is_told_so_and_runs_once_let_go
     *_, last = running
     assert running.outcome.done and last.state.strip_speed == pytest.approx(0.5, rel=1e-3)
     assert "holds it" not in report(running) and "slides over" not in report(running)
+
+
+def test_a_roller_faster_than_a_led_entry_is_told_what_lets_it_carry_the_strip() -> None:
+    """Strip between them is stretched on and on, however small the draw, until it slips."""
+    led = {"speed": 1.0}
+    line = tables(
+        friction={"coefficient": 0.4},
+        rollers=[{"name": "a", "radius": 0.3, "centre": [0.0, 0.0, 0.0], "wrap": "over"}],
+        threading={"tension": 2e4, "entry": [-2.0, 0.0, 0.3], "exit": [1.0, 0.0, -2.0]},
+        stages=[
+            {"name": "draw", "duration": 1.0, "entry": led, "exit": {"tension": 4e4},
+             "rollers": {"a": {"surface_speed": 1.001}}},
+            {"name": "settle", "duration": 10.0},
+        ],
+    )  # fmt: skip
+    drawn = Scene.from_tables(line, "line.toml").run()
+    (*_,) = drawn
+    cure = "try entry.tension and entry.release = true instead of entry.speed in stage draw"
+    told = " ".join(report(drawn).split())
+    assert "slides over a" in told and cure in told
+    led.clear()
+    led |= {"tension": 3e4, "release": True}
+    running = Scene.from_tables(line, "line.toml").run()
+    *_, last = running
+    assert last.state.tension("entry") == pytest.approx(3e4, rel=1e-3)
+    assert "slides over" not in report(running) and "gives it a speed" not in report(running)

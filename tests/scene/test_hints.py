@@ -86,3 +86,20 @@ def test_what_the_reader_tells_to_type_takes_the_mistake_away(text: str) -> None
         changed = tomllib.loads(text)
         typed(changed, mistake)
         assert mistake.key not in {m.key for m in mistakes_in(changed)}, mistake.hint
+
+
+@pytest.mark.parametrize(("key", "text", "hint"), [
+    ("threading.tension", "100 N", "tension = 100.0, if that is in N/m"),
+    ("threading.tension", "0,1 kN/m", "tension = 100.0"),
+    ("threading.tension", "1,000 N/m", "tension = 1.0e4"),
+    ("friction.coefficient", "15 %", "coefficient = 0.15"),
+    ("strip.thickness", "12e-6", "thickness = 1.2e-05"),
+    ("stages.turn.rollers.r1.angular_speed", "60 rpm", "angular_speed = 6.28318530718"),
+    ("material.density", "7,85 g/cm3", "density = 7850.0"),
+])  # fmt: skip
+def test_a_number_with_its_unit_is_answered_by_that_number(key, text, hint) -> None:
+    """An example, of 10 kN/m, was told to be typed for 100 N."""
+    tables = tomllib.loads(THREADED)
+    *path, last = key.split(".")
+    inner(tables, path)[last] = text
+    assert hint in [mistake.hint for mistake in mistakes_in(tables)]

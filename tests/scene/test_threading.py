@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -282,7 +283,7 @@ def test_a_roller_at_pass_line_carries_the_weight_of_its_spans() -> None:
 
 
 def test_a_roller_just_below_the_string_carries_as_much_without_wrap() -> None:
-    with pytest.raises(InputError, match="or no wrap: weight or its move then brings it there"):
+    with pytest.raises(InputError, match="no wrap: weight or its move then brings it there"):
         load_of_weight(-1e-3)
     assert load_of_weight(-1e-3, wrap=None) == pytest.approx(1.0, rel=0.02)
 
@@ -513,6 +514,31 @@ def test_rollers_drawn_in_another_order_than_strip_passes_them_are_told_the_righ
     with pytest.raises(InputError, match="of rollers in the order back, pull, as strip passes"):
         Assembly(scene_of({"threading": ends, "rollers": drawn})).thread  # noqa: B018
     assert Assembly(scene_of({"threading": ends, "rollers": drawn[::-1]})).thread is not None
+
+
+@pytest.mark.parametrize("far", [0.0, 1e6])
+@pytest.mark.parametrize("heavy", [False, True])
+def test_a_roller_that_stands_clear_of_the_strip_is_told_how_far_and_where_it_touches(
+    far: float, heavy: bool
+) -> None:
+    """A support at pass line before one that is higher by 0.5 m: the other side was proposed first,
+    by which strip passes under the support."""
+    drawn = [roller("a", far, -0.4, 0.4, "over"), roller("b", far + 20.0, 0.1, 0.4, "over")]
+    ends = {"tension": 6e3, "entry": (far - 3.0, 0.0, 0.0), "exit": (far + 23.0, 0.0, 0.5)}
+    tables = {"threading": ends, "rollers": drawn}
+    if heavy:
+        tables["stages"] = [{"duration": 1.0, "gravity": [0.0, 0.0, -9.81]}]
+    with pytest.raises(InputError) as told:
+        Assembly(scene_of(tables)).thread  # noqa: B018
+    assert "without it the strip passes at 0.0651 m" in str(told.value)
+    typed = re.search(r"centre = (\[.*?\]), on which it comes to lie, or wrap", str(told.value))
+    assert typed is not None
+    assert ("no wrap: weight" in str(told.value)) == heavy
+    drawn[0]["centre"] = json.loads(typed[1])
+    thread = Assembly(scene_of(tables)).thread
+    assert thread is not None and 0.0 < thread.turns["a"] < np.radians(2.0)
+    del drawn[0]["wrap"]
+    assert Assembly(scene_of(tables)).thread is not None
 
 
 def test_in_a_line_along_minus_x_the_side_that_is_proposed_says_what_it_is() -> None:

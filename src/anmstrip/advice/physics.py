@@ -7,6 +7,7 @@ sentences, each with what to type.
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -21,6 +22,7 @@ from anmstrip.fem.sampling import quadrature_points, shape_of
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.roller import Roller, placed
 from anmstrip.mechanics.shell import eigenstrain
+from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError
 from anmstrip.results.wrinkles import TO_SIDES
 from anmstrip.scene.checks import PARALLEL_COSINE, ROUND_OFF, moved_ends
 from anmstrip.scene.schema import SceneSpec, StageSpec
@@ -44,7 +46,10 @@ from anmstrip.simulation.meshing import (
     axis_crossing,
     carrying_sense,
     label_at,
+    lengths_of_runs,
+    rollers_in_stages,
     surface_speed,
+    threaded_around,
 )
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import ALIGNED_SINE, Course
@@ -829,43 +834,134 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
     """Driven rollers of which some must slip or brake, since their surfaces go at other speeds.
 
     Not those between which strip stretches as much, by less tension than they hold, or yields, nor
-    where runs take strip up, or give it off, as rollers move: at most twice as fast as they, or as
-    nips push it into them.
+    where runs take strip up, or give it off, as rollers move or as nips push it into them.
     """
     assembly = preview.assembly
     touched = [roller for roller in assembly.driven if preview.turn(roller) > 0.0]
     if assembly.friction is None:
         return
+    others = {r.name: r for r in touched if holding_ratio(preview, r) > 1.0}
+    usual, surely = stretched_unsaid(preview, touched), held_stretches(preview)
+    before = dict[str, float]()
+    for (stage, last), (runs, rates) in zip(
+        carrying_speeds(assembly, touched), lengthening_runs(assembly), strict=True
+    ):
+        line = float(np.sum(np.sign(list(last.values())))) or 1.0
+        fast = max(last, key=lambda name: last[name] * line, default="")
+        bound = min(usual, surely.get(stage.name, np.inf))
+        for name, told in others.items() if any(last.values()) else ():
+            if gathers(assembly, stage, name, fast):
+                continue
+            taken = sum_between(assembly, rates, name, fast)
+            for speeds in (last, before) if taken else (last,):
+                speed, given = speeds.get(name, 0.0), speeds.get(fast, 0.0)
+                apart = abs(speed - given + taken)
+                draw = apart / abs(last[fast])
+                if not stage.steady and (length := abs(sum_between(assembly, runs, name, fast))):
+                    draw = min(draw, apart * stage.duration / length)
+                if draw > bound:
+                    words = unequal_words(preview, stage, (name, speed), (fast, given), taken)
+                    if draw <= usual:
+                        takes = draw * assembly.strip.tensile_stiffness
+                        words += f", since it would stretch by {takes:.3g} N/m, and friction holds "
+                        words += f"{bound * assembly.strip.tensile_stiffness:.3g} N/m at most"
+                    other = typed_speed(assembly, stage, told, given - taken)
+                    if speeds is before:
+                        words = words.replace(
+                            f" in stage {stage.name}", f" as stage {stage.name} begins"
+                        )
+                        other = "a short stage before, in which rollers come to their speeds"
+                    unless = "Unless that is meant, try" if speed * given < 0.0 else "Try"
+                    yield (
+                        f'{words}. {unless} rollers.{name}.drive = "idle" and no speed of it, '
+                        f"or {other}"
+                    )
+                    return
+        before = dict(last)
+
+
+def unequal_words(
+    preview: Preview,
+    stage: StageSpec,
+    slow: tuple[str, float],
+    fast: tuple[str, float],
+    taken: float,
+) -> str:
+    """Return that strip slips on one of two rollers, given their names and speeds (m/s).
+
+    With what runs between them take up (m/s), as other rollers move.
+    """
+    assembly, (name, speed), (other, given) = preview.assembly, slow, fast
+    how = f"goes at {speed:g} m/s" if speed else "stands"
+    order = [r.name for r in assembly.driven if preview.turn(r) > 0.0]  # along the strip
+    piles = order.index(other) < order.index(name) and distributed_load(assembly.scene)
+    or_not = ", or gathers between them and hangs slack" if piles else ""
+    way = abs(taken)
+    moves = f", and rollers that move change the way between them by {way:.3g} m/s" if way else ""
+    return (
+        f"roller {name} {how} in stage {stage.name} while {other} goes at {given:g} m/s{moves}: "
+        f"the strip slips on one of them{or_not}"
+    )
+
+
+def stretched_unsaid(preview: Preview, touched: Sequence[Roller]) -> float:
+    """Return the share by which driven rollers may go at unequal speeds, as strip stretches."""
+    assembly = preview.assembly
     grip = min((holding_ratio(preview, roller) for roller in touched), default=1.0)
     held = (grip - 1.0) * preview.tension / assembly.strip.tensile_stiffness
     if (flow := flow_stress(assembly.scene)) is not None:  # half of the rollers are on either side
         whole = float(np.prod([holding_ratio(preview, roller) for roller in touched]))
         yields = preview.tension * np.sqrt(whole) > flow * assembly.strip.thickness
         held = LARGEST_ELONGATION if yields else held
-    places = dict[str, tuple[float, float, float]]()
-    for stage, last in carrying_speeds(assembly, touched):
-        ways = [np.subtract(to, places.get(name, 0.0)) for name, to in stage.moves.items()]
-        places |= stage.moves
-        taken = 0.0 if stage.steady else 2.0 * sum(map(np.linalg.norm, ways)) / stage.duration
-        if not any(last.values()):
-            continue
-        fast = max(last, key=lambda name: abs(last[name]))
-        others = {r.name: r for r in touched if holding_ratio(preview, r) > 1.0}
-        for name, told in others.items():
-            speed, given = last.get(name, 0.0), last[fast]
-            draw = (abs(speed - given) - taken) / abs(given)
-            if draw > max(SPEED_DIFFERENCE, held) and not gathers(assembly, stage, name, fast):
-                how = f"goes at {speed:g} m/s" if speed else "stands"
-                order = [r.name for r in touched]  # along the strip
-                piles = order.index(fast) < order.index(name) and distributed_load(assembly.scene)
-                or_not = ", or gathers between them and hangs slack" if piles else ""
-                yield (
-                    f"roller {name} {how} in stage {stage.name} while {fast} goes at {given:g} "
-                    f"m/s: the strip slips on one of them{or_not}. "
-                    f'Try rollers.{name}.drive = "idle" and no speed of it, or '
-                    f"{typed_speed(assembly, stage, told, given)}"
-                )
-                return
+    return max(SPEED_DIFFERENCE, held)
+
+
+def held_stretches(preview: Preview) -> dict[str, float]:
+    """Return steady stages with the largest strain that friction can hold in a run of the line.
+
+    Strip that is drawn by more, from roller to roller, slips.  None of strip that yields, or that
+    heat lengthens.
+    """
+    assembly = preview.assembly
+    warm = any(shape.temperature for shape in assembly.scene.shapes)
+    if warm or flow_stress(assembly.scene) is not None:
+        return {}
+    found = dict[str, float]()
+    for pulled in pulled_at_both_ends(preview):
+        if pulled.stage.steady:
+            forth = list(largest_tensions(preview, "exit", pulled))[1:]
+            back = list(largest_tensions(preview, "entry", pulled))[1:]
+            most = (min(a, b) for (_, a), (_, b) in zip(forth, back[::-1], strict=True))
+            found[pulled.stage.name] = max(most) / assembly.strip.tensile_stiffness
+    return found
+
+
+def lengthening_runs(assembly: Assembly) -> Iterator[tuple[Array, Array]]:
+    """Yield lengths of runs (m) in each stage, and by how much they grow as rollers move (m/s)."""
+    thread, others = assembly.thread, assembly.layout.pressed
+    if thread is None:
+        yield from ((np.zeros(1), np.zeros(1)) for _ in assembly.scene.stages)
+        return
+    every = [*thread.rollers, *(other.roller for other in others)]
+    runs = lengths_of_runs(thread)
+    places = rollers_in_stages(assembly.scene, every)
+    for stage, moved in zip(assembly.scene.stages, places, strict=True):
+        before = runs
+        if moved is not None:
+            try:
+                runs = lengths_of_runs(*threaded_around(thread, others, moved))
+            except (NotTouchedError, NoTangentError):
+                runs = np.full_like(runs, np.nan)
+        yield runs, 0.0 * runs if stage.steady else (runs - before) / stage.duration
+
+
+def sum_between(assembly: Assembly, values: Array, name: str, other: str) -> float:
+    """Return the sum of values of runs between two rollers, negative if the second comes last."""
+    if assembly.thread is None:
+        return 0.0
+    order = [roller.name for roller in assembly.thread.rollers]
+    at, there = order.index(name) + 1, order.index(other) + 1
+    return float(values[min(at, there) : max(at, there)].sum()) * float(np.sign(at - there))
 
 
 def gathers(assembly: Assembly, stage: StageSpec, *names: str) -> bool:
@@ -969,6 +1065,39 @@ def standing_rollers(preview: Preview) -> Iterator[str]:
             f"{' and '.join(keys)} if {they} should stand"
         )
         return
+
+
+def standing_line(preview: Preview) -> Iterator[str]:
+    """A steady stage that comes to rest, in a scene that gives no roller and no end a speed."""
+    assembly, scene = preview.assembly, preview.assembly.scene
+    gripping = [
+        r.name for r in assembly.driven if preview.turn(r) * holding_ratio(preview, r) > 0.0
+    ]
+    steady = [stage.name for stage in scene.stages if stage.steady]
+    for stage in scene.stages:
+        ends = [edge.speed or edge.velocity for edge in stage.edges.values()]
+        turned = [c.surface_speed or c.angular_speed or c.torque for c in stage.rollers.values()]
+        if any([*ends, *turned, stage.strip.speed]):
+            return
+    if steady and gripping and assembly.friction is not None:
+        key = f"stages.{steady[-1]}.rollers"
+        yield (
+            f"nothing sets the strip going in stage {steady[-1]}: no roller has a speed, and it "
+            f"stands. Try {' '.join(f'--set {key}.{name}.surface_speed=1' for name in gripping)}"
+        )
+
+
+def drawn_across(preview: Preview) -> Iterator[str]:
+    """Cylinders that are placed along themselves, where y was typed for z."""
+    for spec in preview.assembly.scene.rollers:
+        x, y, z = spec.centre
+        if y and not (z or spec.profile or any(spec.axis[::2])):
+            key, better = f"rollers.{spec.name}.centre", typed_vector([x, 0.0, y])
+            yield (
+                f"{key} = {typed_vector(spec.centre)} is {abs(y):g} m along the axis of a "
+                "cylinder, which is the same there; was it meant in z, which points upwards? "
+                f"Try --set {shlex.quote(f'{key}={better}')}"
+            )
 
 
 BELT_MARGIN = 1.1
@@ -1658,5 +1787,5 @@ PHYSICS_RULES = (
     side_of_return, lifting_pressure, lifted_off_by_pressure, sinking_exit, turning_pull,
     nip_forces, heavy_bearings, slack_edge, uneven_fibres, loose_fibres, untouched_roller,
     sideways_entry, beyond_yield, stretched_beyond_yield, gravity_upwards, unequal_speeds,
-    opposed_nip, slipping_nips, standing_rollers,
+    opposed_nip, slipping_nips, standing_rollers, standing_line, drawn_across,
 )  # fmt: skip

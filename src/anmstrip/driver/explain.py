@@ -539,7 +539,7 @@ def report(run: Run, told: Collection[str] = ()) -> str:
 
 
 def holding_ends(scene: SceneSpec, state: State) -> Iterator[str]:
-    """Yield which end holds fed strip at rest, and what lets it run with its rollers."""
+    """Yield which end holds or leads fed strip, and what lets it run with its rollers."""
     stages = held_along(scene.threading, scene.edges, scene.stages)
     held = {stage.name: ends for stage, ends in stages}.get(state.plan.name, set())
     turning = [
@@ -547,10 +547,18 @@ def holding_ends(scene: SceneSpec, state: State) -> Iterator[str]:
         for stage in scene.stages
         if any(c.surface_speed or c.angular_speed for c in stage.rollers.values())
     ]
-    if state.strip_speed == 0.0 and turning and len(held) == 1:
-        (end,) = held
+    if state.strip_speed is None or not turning or len(held) != 1:
+        return
+    (end,) = held
+    led = [s.name for s in scene.stages if (edge := s.edges.get(end)) and edge.speed]
+    if state.strip_speed == 0.0:
         key = f"stages.{turning[0]}.{end}.release"
         yield f"Its {end} holds it. To let it run, try --set {key}=true"
+    elif led:
+        yield (
+            f"Its {end} gives it a speed, which these rollers do not change. To let them carry it, "
+            f"try {end}.tension and {end}.release = true instead of {end}.speed in stage {led[0]}"
+        )
 
 
 def runaway_slips(state: State) -> Iterator[str]:

@@ -18,6 +18,10 @@ UNIT_FACTORS = {
     "Pa": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9},
     "N/m": {"N/m": 1.0, "kN/m": 1e3, "N/mm": 1e3},
     "m/s": {"m/s": 1.0, "mm/s": 1e-3, "m/min": 1.0 / 60.0},
+    "rad/s": {"rad/s": 1.0, **dict.fromkeys(("rpm", "1/min"), math.pi / 30.0)},
+    "N m": {"Nm": 1.0, "kNm": 1e3, "Nmm": 1e-3, "Ncm": 1e-2},
+    "kg/m³": {**dict.fromkeys(("kg/m³", "kg/m3"), 1.0), **dict.fromkeys(("g/cm³", "g/cm3"), 1e3)},
+    "1": {"%": 1e-2},
 }
 """Units by the one of a key, with what they are of it."""
 
@@ -85,8 +89,10 @@ FOREIGN_KEYS = {
 }
 """Keys of rollers in other programs, and what to type instead."""
 
-QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)\s*")
-"""A number, with a unit or without."""
+QUANTITY = re.compile(
+    r"\s*([-+]?(?:\d+(?:\.|,(?!\d{3}(?!\d)))?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?:\s+|(?![\d.,]))(.*)"
+)
+"""A number, with a unit or without; a comma before three digits may stand between thousands."""
 
 DECIMAL_COMMA = re.compile(r"(=\s*[-+]?\d+),\s*(\d)")
 """A decimal comma behind a key, which is not in a list."""
@@ -102,15 +108,29 @@ def number_in(text: str, meaning: str) -> float | None:
 
     Examples
     --------
-    >>> number_in("5 s", "(s)"), number_in("0.5 mm", "above 0 (m)"), number_in("5 h", "(s)")
+    >>> number_in("5 s", "(s)"), number_in("0,5 mm", "above 0 (m)"), number_in("5 h", "(s)")
     (5.0, 0.0005, None)
     """
     found = QUANTITY.fullmatch(text)
     unit = meaning.rpartition("(")[2].removesuffix(")")
     factors = {**UNIT_FACTORS.get(unit, {unit: 1.0}), "": 1.0}
-    if found is None or found[2] not in factors:
+    factor = factors.get(found[2].strip().replace(" ", "")) if found else None
+    if found is None or factor is None:
         return None
-    return float(f"{float(found[1]) * factors[found[2]]:.12g}")
+    return float(f"{float(found[1].replace(',', '.')) * factor:.12g}")
+
+
+def number_besides(text: str, meaning: str) -> str | None:
+    """Return the number in a text that has another unit than its key, to be typed in this one.
+
+    Examples
+    --------
+    >>> number_besides("100 N", "above 0 (N/m)"), number_besides("fast", "(m/s)")
+    ('100.0, if that is in N/m', None)
+    """
+    found = QUANTITY.fullmatch(text)
+    unit = meaning.rpartition("(")[2].removesuffix(")")
+    return f"{float(found[1].replace(',', '.'))!r}, if that is in {unit}" if found else None
 
 
 def word_like(word: str, known: Iterable[str]) -> str | None:
@@ -202,6 +222,8 @@ def likely_value(kind: str, value: Any, meaning: str, field: FieldInfo) -> str |
     better: float | str | list[object] | None = None
     if kind in ("float_type", "int_type") and isinstance(value, str):
         better = number_in(value, meaning)
+        if better is None:
+            return number_besides(value, meaning)
     elif kind in ("greater_than", "greater_than_equal") and value < 0:
         better = -value
     elif kind == "literal_error" and isinstance(value, str):

@@ -66,6 +66,9 @@ FREE_RUN = 4.0
 and length of the finest elements below which: with 9 a yawed roller is not threaded.  Lines of 2
 and 40 rollers so take 3 and 5 corrections, without 9 and 9; with 1 as many."""
 
+TOUCHING_DEPTH = 0.01
+"""Share of its radius by which a roller that stands clear of the strip is told to stand in it."""
+
 STRIP_SAMPLES = 2001
 """Places along a threaded strip, of which the one next to a roller is sought."""
 
@@ -448,6 +451,29 @@ def _order_that_fits(scene: SceneSpec, thread: Thread) -> str:
     return ""
 
 
+def _clear_of(scene: SceneSpec, thread: Thread, index: int) -> tuple[float, list[float]] | None:
+    """Return how far from a roller (m) taut strip passes on its side, and a centre that it touches.
+
+    None where strip passes on the other side, by more than the radius, or not at all.
+    """
+    roller, rollers = thread.rollers[index], list(thread.rollers)
+    with suppress(NotTouchedError, NoTangentError, InputError):
+        others = [k for k in range(len(rollers)) if k != index]
+        way = _with_ends(scene, thread.chosen(others)).middle
+        centre = roller.section(np.zeros(1))[0][:, 0]
+        s, sense = way.passing(centre, STRIP_SAMPLES)
+        towards = way.at(np.array([s]), 0)[0][:, 0] - centre
+        gap = float(np.linalg.norm(towards)) - roller.radius
+        if sense != thread.senses[index] or not 0.0 < gap < roller.radius:
+            return None
+        x, z = towards * (1.0 - (1.0 - TOUCHING_DEPTH) * roller.radius / (gap + roller.radius))
+        rollers[index] = replace(roller, centre=tuple(np.add(roller.centre, [x, 0.0, z])))
+        _with_ends(scene, replace(thread, rollers=rollers)).middle  # noqa: B018
+        typed = next(each.centre for each in scene.rollers if each.name == roller.name)
+        return gap, [round(float(v), 6) for v in np.add(typed, [x, 0.0, z])]
+    return None
+
+
 def _other_side(scene: SceneSpec, name: str) -> str:
     """Return the other side of a roller, "left" or "right" in a line that runs along −x.
 
@@ -470,6 +496,7 @@ def _refused(scene: SceneSpec, thread: Thread, error: ValueError) -> InputError:
             "a side on which the taut strip touches this roller; "
             f"there it would have to turn by {np.degrees(turn):.3g} degrees"
         )
+        clear = _clear_of(scene, thread, index)
         fitting = _sides_that_fit(scene, thread)
         hint = f'wrap = "{_other_side(scene, names[index])}"'
         if fitting and set(fitting) != {names[index]}:
@@ -477,8 +504,15 @@ def _refused(scene: SceneSpec, thread: Thread, error: ValueError) -> InputError:
         for other in scene.rollers:
             if other.wrap is None and 0.0 <= _room(own, other) <= scene.strip.thickness:
                 hint = f"no wrap: the strip passes between it and {other.name}, or {hint}"
-        hint += ", another centre, or no wrap: weight or its move then brings it there"
-        hint += "; crossing = true if the strip crosses itself there"
+        if clear is None:
+            hint += ", another centre, or no wrap: weight or its move then brings it there"
+            hint += "; crossing = true if the strip crosses itself there"
+        else:
+            gap, centre = clear
+            expected += f", as without it the strip passes at {gap:.3g} m"
+            laid = any(stage.gravity or own.name in stage.moves for stage in scene.stages)
+            brings = "no wrap: weight or its move then brings it there, or " * laid
+            hint = f"{brings}centre = {centre}, on which it comes to lie, or {hint}"
         hint = ", or ".join([*_if_in_millimetres(scene), hint])
         if turn < -0.5 * np.pi and (order := _order_that_fits(scene, thread)):  # it doubles back
             hint = f"the tables of rollers in the order {order}, as strip passes them, or {hint}"
