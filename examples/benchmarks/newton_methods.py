@@ -258,7 +258,8 @@ class Mixed(Newton):
         for i, part in enumerate(series.parts):
             effect = part.effect
             if isinstance(effect, (Contact, Friction)):
-                pairs = effect.operator.chosen
+                contact = effect if isinstance(effect, Contact) else effect.contact
+                pairs = contact.sampling.chosen
                 parts = own.parts.setdefault(effect.name, {})
                 linear = remember(parts, pairs, lambda _, effect=effect: linear_in_gaps(effect))
                 given = {OFFSET: (pressure + slope * gap)[pairs], SLOPE: slope[pairs]}
@@ -279,9 +280,9 @@ def tangent_of(law: ContactLaw, pressure: Array) -> tuple[Array, Array]:
 class LinearContact(Contact):
     """Contact with the pressure a − k h, for a and k of each point among the controls."""
 
-    def seen(self, x: Any, controls: Mapping[str, Any]) -> Projection:
+    def seen(self, x: Any, controls: Mapping[str, Any], row: int | None = None) -> Projection:
         """Return the projections of points, with pressures in the place of gaps."""
-        place = super().seen(x, controls)
+        place = super().seen(x, controls, row)
         return replace(place, gap=controls[OFFSET] - controls[SLOPE] * place.gap)
 
     def pressure(self, place: Projection) -> Any:
