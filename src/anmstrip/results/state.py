@@ -213,14 +213,10 @@ class State:
             passing = (speed + self.controls["strip.drift"]) / self.controls["strip.growth"]
         return moving + self.plan.carried(self.full, passing)
 
-    def _effect(self, name: str) -> Any:
-        """Return an effect by its name, None if it does not act."""
-        return next((e for e in self.plan.model.effects if e.name == name), None)
-
     @property
     def bends(self) -> bool:
         """Whether the strip resists bending."""
-        return self._effect("bending") is not None
+        return self.plan.model.effect("bending") is not None
 
     @property
     def friction(self) -> Friction | None:
@@ -230,12 +226,12 @@ class State:
     @property
     def membrane(self) -> Membrane | None:
         """Membrane of the strip; a plate has none."""
-        return self._effect("membrane")
+        return self.plan.model.effect("membrane")
 
     @property
     def plasticity(self) -> Plasticity | None:
         """Plastic strains, of strip that can yield."""
-        return self._effect("plasticity")
+        return self.plan.model.effect("plasticity")
 
     @cached_property
     def principal_forces(self) -> Array:
@@ -286,7 +282,7 @@ class State:
         strip = self.plan.model.strip
         edge = strip.edges[name]
         given = self.controls.get(f"{name}.force", np.zeros(3)) * edge.length
-        if (pull := self._effect(f"tension on {name}")) is not None:  # follows the strip
+        if (pull := self.plan.model.effect(f"tension on {name}")) is not None:  # follows the strip
             stress = pull.law(pull.operator.apply(self.full), None, self.controls)
             given = given - strip.kinematics.embed(stress[:, 0] @ pull.operator.weights)
         if name == "entry" and 0 not in strip.kinematics.components:  # what holds a plate along
@@ -412,7 +408,7 @@ class State:
     @property
     def contact(self) -> Contact | None:
         """Normal contact with all rollers."""
-        contact = self._effect("contact")
+        contact = self.plan.model.effect("contact")
         return contact if contact is not None and contact.by_roller else None
 
     @cached_property
@@ -451,7 +447,7 @@ class State:
         model = self.plan.model
         if name not in model.turning:
             return float(self.controls[f"rollers.{name}.surface_speed"]), 0.0
-        drives = self._effect("drives")
+        drives = self.plan.model.effect("drives")
         if drives is None or self.velocity is None:
             return 0.0, 0.0
         speeds, number = drives.operator.apply(self.velocity)[0], model.turning.index(name)
