@@ -444,7 +444,8 @@ def more_tension(failure: Failure) -> str:
         larger = max(2.0, least / float(np.linalg.norm(force))) * force
         return f"Try --set 'stages.{stage}.exit.force={typed_vector(larger, '.4g')}'"
     if held is not None and "x" in held.fixed:
-        before = [each.name for each in takewhile(holds_exit, scene.stages)]
+        holding = takewhile(lambda each: not each.edge("exit").release, scene.stages)
+        before = [each.name for each in holding]
         if stage in before:
             return f"Try a larger x in stages.{stage}.exit.move."
         if before:
@@ -452,11 +453,6 @@ def more_tension(failure: Failure) -> str:
     first = scene.stages[0]
     calm = f" --set stages.{first.name}.friction=false" * failure.assembly.frictional(first)
     return f"Try --set 'stages.{first.name}.exit.force=[{least:.3g}, 0.0, 0.0]'{calm}"
-
-
-def holds_exit(stage: StageSpec) -> bool:
-    """Whether a stage does not let the exit go."""
-    return "exit" not in stage.edges or not stage.edges["exit"].release
 
 
 def free_motion(failure: Failure) -> str | None:

@@ -35,7 +35,6 @@ from anmstrip.scene.tables import (
     STAGE_KEYS,
     THREADING,
     ContactSpec,
-    EdgeControl,
     EdgeSpec,
     FrictionSpec,
     MaterialSpec,
@@ -465,7 +464,7 @@ def with_entries_released(stages: Iterable[StageSpec]) -> Iterator[StageSpec]:
     """
     pulled = False
     for stage in stages:
-        entry = stage.edges.get("entry", EdgeControl())
+        entry = stage.edge("entry")
         if stage.steady:
             pulled = stage.strip.speed is None and (pulled or entry.tension is not None)
         elif pulled and stage.friction:

@@ -425,13 +425,12 @@ def load_of_moves(scene: SceneSpec) -> float:
 
 def carried(stage: StageSpec, name: str, place: Array, velocity: Array) -> tuple[Array, Array]:
     """Return where an end has been moved to (m) at the end of a stage, and its velocity there."""
-    edge = stage.edges.get(name)
-    if edge is not None and edge.move is not None:
+    edge, after = stage.edge(name), velocity
+    if edge.move is not None:
         return np.array(edge.move), np.zeros(3)
-    after = velocity
-    if edge is not None and edge.velocity is not None:
+    if edge.velocity is not None:
         after = np.array(edge.velocity)
-    elif edge is not None and edge.speed is not None:
+    elif edge.speed is not None:
         after = np.array([edge.speed, 0.0, 0.0])
     return place + 0.5 * stage.duration * (velocity + after), after
 

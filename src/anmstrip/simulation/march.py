@@ -320,7 +320,8 @@ class March:
         if found is None:
             return False
         self.full, self.velocity = plan.supports.full(found, 0.0), np.zeros_like(self.velocity)
-        self.course.stand_still()
+        values = self.course.values
+        values |= {key: np.array(0.0) for key in values if key.endswith("speed")}  # all stands
         return True
 
     @property
