@@ -542,9 +542,7 @@ def asked_too_much(failure: Failure) -> str:
     """The last change, in this stage or before it, is more than the strip can follow."""
     if failure.place is not None:
         return "Try a smaller range."
-    course = failure.scene.course
-    until = [stage.name for stage in course].index(failure.stage.name)
-    for stage in reversed(course[: until + 1]):
+    for stage in reversed(failure.scene.up_to(failure.stage)):
         rollers = {f"rollers.{name}": roller for name, roller in stage.rollers.items()}
         keys = [
             f"{name}.{key}"

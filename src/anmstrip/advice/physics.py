@@ -30,6 +30,7 @@ from anmstrip.simulation.defaults import (
     bent_curvature,
     coefficient_on,
     distributed_load,
+    edge_pulls,
     flow_stress,
     given_tensions,
     held_ends,
@@ -431,16 +432,13 @@ def pulled_at_both_ends(preview: Preview) -> Iterator[Pulled]:
         torques |= {n: c.torque for n, c in stage.rollers.items() if c.torque is not None}
         if stage.gravity is not None:
             weight = -assembly.strip.mass * stage.gravity[2]
-        for name in ENDS:
-            edge = stage.edge(name)
-            if edge.release:
-                held.discard(name)
-                if name not in given:
-                    pulls[name] = reaction(scene, name, before, weight)
-            if edge.tension is not None or edge.force is not None:
-                force = 0.0 if edge.force is None else float(np.linalg.norm(edge.force))
-                pulls[name] = force if edge.tension is None else edge.tension
-                given.add(name)
+        for name in (name for name in ENDS if stage.edge(name).release):
+            held.discard(name)
+            if name not in given:
+                pulls[name] = reaction(scene, name, before, weight)
+        own = {name: pull for name, pull in edge_pulls(stage) if name in pulls}
+        pulls |= own
+        given |= own.keys()
         free = not held and assembly.frictional(stage)
         if stage.steady:
             answers = course.pulled(stage) and not assembly.closed

@@ -221,9 +221,7 @@ def onset_near_round_off(preview: Preview) -> Iterator[str]:
 
 def usual_onset(scene: SceneSpec) -> float:
     """Return the onset of contact (m) that a scene has if none is typed."""
-    assert scene.contact is not None
-    contact = scene.contact.model_copy(update={"onset": None})
-    return Assembly(scene.model_copy(update={"contact": contact})).signorini.width
+    return Assembly(scene.with_values(contact={"onset": None})).signorini.width
 
 
 def slack_start(preview: Preview) -> Iterator[str]:

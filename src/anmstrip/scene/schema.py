@@ -218,6 +218,11 @@ class SceneSpec(Table):
         before = course[: names.index(stage.name)] if stage.name in names else course
         return *before, stage
 
+    def with_values(self, **tables: dict[str, object]) -> Self:
+        """Return the scene with other values of keys in some of its tables, unchecked."""
+        copies = {name: getattr(self, name).model_copy(update=new) for name, new in tables.items()}
+        return self.model_copy(update=copies)
+
     @property
     def ends(self) -> list[float]:
         """Instants at which all stages end (s), added up one after the other as steps do."""

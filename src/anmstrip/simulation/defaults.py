@@ -79,15 +79,13 @@ USUAL_STRAIN = 1e-4
 def with_defaults(scene: SceneSpec) -> SceneSpec:
     """Return the scene with what it has left open."""
     if scene.strip.feed is None:
-        strip = scene.strip.model_copy(update={"feed": is_fed_by_default(scene)})
-        scene = scene.model_copy(update={"strip": strip})
+        scene = scene.with_values(strip={"feed": is_fed_by_default(scene)})
     if loose_across(scene):
         entry = scene.edges["entry"].model_copy(update={"centred": True})
         scene = scene.model_copy(update={"edges": {**scene.edges, "entry": entry}})
     if scene.friction is None or scene.friction.speed is not None:
         return scene
-    law = scene.friction.model_copy(update={"speed": regularising_speed(scene)})
-    return scene.model_copy(update={"friction": law})
+    return scene.with_values(friction={"speed": regularising_speed(scene)})
 
 
 def loose_across(scene: SceneSpec) -> bool:

@@ -725,9 +725,7 @@ def imperfection_of(scene: SceneSpec) -> Array:
 
 def _perfect(scene: SceneSpec) -> State:
     """Return the perfect and elastic strip at the end of the first stage."""
-    strip = scene.strip.model_copy(update={"imperfection": None})
-    material = scene.material.model_copy(update={"plasticity": None})
-    perfect = scene.model_copy(update={"strip": strip, "material": material})
+    perfect = scene.with_values(strip={"imperfection": None}, material={"plasticity": None})
     march = March(Assembly(perfect))
     plan = march.planned(perfect.course[0].model_copy(update={"friction": False}), None)
     try:

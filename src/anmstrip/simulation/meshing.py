@@ -432,14 +432,12 @@ class Layout:
         """
         scene, factor = self.scene, max(1.0, mesh_density(self.scene))
         while True:
-            strip = scene.strip.model_copy(update={"finer": factor})
-            other = scene.model_copy(update={"strip": strip})
-            layout = replace(self, scene=other)
+            layout = replace(self, scene=scene.with_values(strip={"finer": factor}))
             xs, across = layout.by_default(), len(layout.lines_across) - 1
             shortest = float(np.diff(xs).min())
             if shortest <= longest or factor >= MAX_FINER:
-                across = 1 if strip.kinematics == "section" else across
-                unknowns = len(xs) * unknowns_per_line(other, across)
+                across = 1 if scene.strip.kinematics == "section" else across
+                unknowns = len(xs) * unknowns_per_line(scene, across)
                 return Refinement(factor, unknowns, (len(xs) - 1) * across)
             step = 10.0 ** (np.floor(np.log10(factor)) - 1.0)
             wanted = factor * min(shortest / longest, MAX_FINER_STEP)
