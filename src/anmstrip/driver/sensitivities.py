@@ -25,7 +25,8 @@ from anmstrip.mechanics.loads import FollowerLoad, GrownWeight
 from anmstrip.mechanics.roller import Roller, combine
 from anmstrip.mechanics.shell import principal_forces
 from anmstrip.mechanics.transport import Drives, SteadyFriction
-from anmstrip.results.state import State, turn_upwards
+from anmstrip.results.state import State
+from anmstrip.results.strip_state import turn_upwards
 from anmstrip.results.wrinkles import free_spans
 from anmstrip.scene.tables import ENDS
 from anmstrip.simulation.growth import Hanging

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -12,10 +12,8 @@ from anmstrip.arrays import Array, Index
 from anmstrip.fem import sampling
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.shell import eigencurvature, moduli
+from anmstrip.results.strip_state import StripState
 from anmstrip.results.vtk import FIELDS, TRIANGLE_LATTICE, facing
-
-if TYPE_CHECKING:
-    from anmstrip.results.state import State
 
 OUTPUT_POINTS = {
     "line": sampling.unit_grid(4),
@@ -74,7 +72,7 @@ class FieldSampler:
         apart = self.local[:, :, None] - sampling.contact_points(strip)[:, None]
         self.nearest = (apart**2).sum(axis=0).argmin(axis=1)
 
-    def sample(self, state: State) -> dict[str, Array]:
+    def sample(self, state: StripState) -> dict[str, Array]:
         """All fields of a state by name, points first; see :data:`~anmstrip.results.vtk.FIELDS`."""
         return {
             "displacement": self.interpolate(state.full),
@@ -89,11 +87,11 @@ class FieldSampler:
         own = self._average(self._at_points(self.value, full))
         return self.kinematics.embed(own.T).T
 
-    def curvature(self, state: State) -> Array:
+    def curvature(self, state: StripState) -> Array:
         """Curvatures (xx, yy, xy) (1/m), positive where the top is stretched, (points, 3)."""
         return self._average(self._geometry(state.full, self._growth(state))[2])
 
-    def _growth(self, state: State) -> Any:
+    def _growth(self, state: StripState) -> Any:
         """Unstressed length at a label over that of the reference, 1 or (elements, points)."""
         growth = state.controls.get("strip.growth")
         return 1.0 if growth is None else self._recovered(growth[None])[0]
@@ -132,7 +130,7 @@ class FieldSampler:
             found = np.kron(hats, found)  # the first coordinate runs fastest
         return found
 
-    def contact_fields(self, state: State) -> dict[str, Array]:
+    def contact_fields(self, state: StripState) -> dict[str, Array]:
         """Sums over the rollers of what they do; gap and slip of the nearest one."""
         found = list(state.contacts.values())
         if not found:
@@ -165,7 +163,7 @@ class FieldSampler:
         np.maximum.at(status, self.own, found_status[cells[:, self.nearest]])
         return {**fields, "contact_status": np.repeat(status, self.lines)}
 
-    def stress_fields(self, state: State) -> dict[str, Array]:
+    def stress_fields(self, state: StripState) -> dict[str, Array]:
         """Membrane forces, moments, von Mises stress of the top surface, curvature, normal."""
         tangents, normal, curvature = self._geometry(state.full, self._growth(state))
         bending, sheet = curvature, state.membrane
@@ -217,7 +215,7 @@ class FieldSampler:
         weights /= np.bincount(number, weights)[number]
         return places, number, csr_matrix((weights, (number, np.arange(x.size))))
 
-    def layer_fields(self, state: State) -> dict[str, Array]:
+    def layer_fields(self, state: StripState) -> dict[str, Array]:
         """Return N and M (xx, yy, xy), and what else is read off the layers of yielding strip.
 
         As a whole: in a hinge those of the strains and those that plastic strains add are many
@@ -240,7 +238,7 @@ class FieldSampler:
         scalars = dict(zip(names, found[3 * d :], strict=True))
         return {"force": force, "moment": moment, "residual_curvature": left, **scalars}
 
-    def membrane_forces(self, state: State) -> Array:
+    def membrane_forces(self, state: StripState) -> Array:
         """Membrane forces (xx, yy, xy) (N/m), recovered, shape (3, elements, points).
 
         Within an element on a roller those of the strains swing about the force that is in
@@ -354,7 +352,7 @@ class Profile:
         x = self.fields.reference[0]
         _, self.station = sampling.stations(strip, x - x.min())
 
-    def columns(self, state: State) -> dict[str, Array]:
+    def columns(self, state: StripState) -> dict[str, Array]:
         """Return the columns of the table, with a value for every station from the entry on.
 
         What belongs to contact is NaN where no point of the station touches a roller.
@@ -393,7 +391,7 @@ class Profile:
         with np.errstate(invalid="ignore"):
             return np.asarray(total / np.bincount(self.station, weights))
 
-    def friction_columns(self, state: State, normal: Array) -> dict[str, Array]:
+    def friction_columns(self, state: StripState, normal: Array) -> dict[str, Array]:
         """Slip along the strip, positive where it runs ahead of the roller, and share of the cone.
 
         Of the points in contact; the share is that of all forces of a station.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,9 +13,7 @@ from anmstrip.arrays import Array
 from anmstrip.fem.sampling import stations
 from anmstrip.mechanics.plasticity import VON_MISES, Plasticity
 from anmstrip.mechanics.shell import moduli, weaken
-
-if TYPE_CHECKING:
-    from anmstrip.results.state import State
+from anmstrip.results.strip_state import StripState
 
 PLASTIC_COLUMNS = (
     "residual_curvature", "elongation", "plastic_share", "plastic_strain", "yield_power",
@@ -54,7 +52,7 @@ class YieldedStrip:
 
     Parameters
     ----------
-    state : State
+    state : StripState
     effect : Plasticity
 
     Attributes
@@ -69,7 +67,7 @@ class YieldedStrip:
         1/m, positive with a stretched top; N/m; N.
     """
 
-    def __init__(self, state: State, effect: Plasticity) -> None:
+    def __init__(self, state: StripState, effect: Plasticity) -> None:
         self.state, self.effect, self.strip = state, effect, effect.strip
         self.flow, layers = effect.flow, effect.layers
         x = np.asarray(self.strip.basis.global_coordinates())[0].ravel()
@@ -84,7 +82,7 @@ class YieldedStrip:
         self.moment = np.einsum("l,klp->kp", layers.weights * layers.heights, self.stress)
 
     @classmethod
-    def of(cls, state: State) -> YieldedStrip | None:
+    def of(cls, state: StripState) -> YieldedStrip | None:
         """Return what is read off the layers of a state, None where nothing can yield."""
         return None if state.plasticity is None else cls(state, state.plasticity)
 
@@ -274,7 +272,7 @@ class MeanFlow:
         """The share (1); None where nothing has flowed."""
         return self.weighted / self.work if self.work > 0.0 else None
 
-    def add(self, state: State, duration: float) -> None:
+    def add(self, state: StripState, duration: float) -> None:
         """Add the state at the end of a step that took such a time (s)."""
         strip = YieldedStrip.of(state)
         if strip is None or (state.plan.steady and state.control < 1.0):
