@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.sparse import csc_matrix
@@ -32,7 +32,6 @@ from anmstrip.timestepping.formulas import AffineVelocity
 
 if TYPE_CHECKING:
     from anmstrip.mechanics.contact import Friction
-    from anmstrip.mechanics.transport import Drives
 
 WRONG_SPEED_SHARE = 0.01
 """Share of the speed of a roller that hardly anything holds, by which it may be wrong."""
@@ -100,6 +99,10 @@ class Model:
     def timed(self, effect: Effect) -> Timer:
         """Add the seconds spent inside to those of an effect."""
         return Timer(self.seconds, effect.name)
+
+    def effect(self, name: str) -> Any:
+        """Return an effect by its name, None if it does not act."""
+        return next((effect for effect in self.effects if effect.name == name), None)
 
     @property
     def without_rates(self) -> Model:
@@ -329,10 +332,10 @@ class Equilibrium:
         Where friction and bearing of a free roller together are below the tolerance, no speed of it
         is refused; its own torque, which rises with its speed, tells the right one.
         """
-        drives = next((e for e in self.model.effects if e.name == "drives"), None)
+        drives = self.model.effect("drives")
         if (velocity := self.velocity) is None or drives is None:
             return u
-        count, unit = len(self.model.turning), cast("Drives", drives).speed
+        count, unit = len(self.model.turning), drives.speed
         own = np.searchsorted(self.supports.free, self.model.strip.unknowns + np.arange(count))
         begun, each = velocity(u, 1.0)[own], np.zeros_like(u)
 
@@ -605,7 +608,7 @@ class StageProblem:
     @property
     def friction(self) -> Friction | None:
         """Friction of the strip on its rollers, if it acts."""
-        return cast("Friction", next((e for e in self.model.effects if e.name == "friction"), None))
+        return self.model.effect("friction")
 
     def transport(self, full: Array, control: float) -> Array | None:
         """Velocities in a stationary state, of strip and free rollers; None of another stage.

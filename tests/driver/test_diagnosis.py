@@ -464,7 +464,7 @@ def test_a_tangent_that_does_not_fit_into_memory(
 
 def test_what_was_told_of_the_stage_that_stops_comes_first(monkeypatch: pytest.MonkeyPatch) -> None:
     sentences = ["it slides in stage wrap", "it stands in stage turn", "it turns"]
-    monkeypatch.setattr("anmstrip.advice.diagnosis.serious_as_meant", lambda _: sentences)
+    monkeypatch.setattr("anmstrip.advice.warnings.serious_as_meant", lambda _: sentences)
     assert "It stands" in told(wrapped(), stalled())
     sentences.pop(1)
     assert "It slides" in told(wrapped(), stalled())

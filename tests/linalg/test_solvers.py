@@ -194,7 +194,7 @@ def test_wide_band_goes_to_the_sparse_solver(monkeypatch, there):
     if there:
         pytest.importorskip("pypardiso")
     a = csc_matrix(banded(80, 6, np.random.default_rng(5), "symmetric definite"))
-    monkeypatch.setattr(linear_solvers, "pardiso_is_there", lambda: there)
+    monkeypatch.setattr(linear_solvers.direct, "pardiso_is_there", lambda: there)
     limit, other = ("WIDEST_BEFORE_PARDISO", "WIDEST_BAND")[:: 1 if there else -1]
     monkeypatch.setattr(linear_solvers, limit, 5)
     monkeypatch.setattr(linear_solvers, other, 1000)

@@ -487,7 +487,7 @@ def test_film_that_slides_takes_few_tangents_on_a_finer_mesh(
     """Out of line by 6 mm/m it took 37, most of them with corners of friction too sharp."""
     tables, taken = tomllib.loads(FILM), list[int]()
     tables["rollers"][1]["axis"] = [6e-3, 1.0, 0.0]
-    factors, corrected = budget.Newton._factors, budget.corrected_by_width
+    factors, corrected = budget.newton.Newton._factors, budget.corrected_by_width
 
     def counted(*given: Any) -> Any:
         taken[-1:] = [taken[-1] + 1]
@@ -497,7 +497,7 @@ def test_film_that_slides_takes_few_tangents_on_a_finer_mesh(
         taken.append(0)
         return corrected(*given)
 
-    monkeypatch.setattr(budget.Newton, "_factors", counted)
+    monkeypatch.setattr(budget.newton.Newton, "_factors", counted)
     monkeypatch.setattr(budget, "corrected_by_width", balanced)
     taken.append(0)
     run = Scene.from_tables(tables, "film.toml").run()
@@ -522,7 +522,7 @@ def test_contact_is_wider_where_it_is_elsewhere(
         taken.append(float(law.gap(np.float64(1e3))))
         return Corrected(u, control, 1, 1.0)
 
-    monkeypatch.setattr(budget.Newton, "corrected", recorded)
+    monkeypatch.setattr(budget.newton.Newton, "corrected", recorded)
     equations = budget.frozen_problem(state).equations()
     budget.corrected_by_width(equations, SparseSolver(), 1e-6, first)
     assert taken == pytest.approx(np.array(widths) * taken[0])
@@ -541,7 +541,7 @@ def test_a_path_that_crawls_is_given_up(
 
     assert state is not None
     monkeypatch.setattr(budget, "follow", crawling)
-    monkeypatch.setattr(budget.Newton, "corrected", lambda *_: None)
+    monkeypatch.setattr(budget.newton.Newton, "corrected", lambda *_: None)
     assert budget.balance_state(budget.frozen_problem(state), state) is None
     assert taken == pytest.approx(2 * [0.1, 0.3, 0.4, 0.401, 0.402, 0.403])
 

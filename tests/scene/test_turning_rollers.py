@@ -74,7 +74,7 @@ def test_tensions_are_those_of_moments_about_the_axes(braked: Any) -> None:
 def test_a_roller_with_a_torque_is_driven(braked: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """So the strip is said to slide over it, as it would be of one with a speed."""
     run, _ = braked
-    monkeypatch.setattr("anmstrip.driver.explain.slides", lambda contact: True)
+    monkeypatch.setattr("anmstrip.advice.warnings.slides", lambda contact: True)
     monkeypatch.setattr("anmstrip.driver.explain.SLIDING_SHARE", 0.0)
     assert "The strip slides over b." in report(run)
 

@@ -13,21 +13,9 @@ from itertools import combinations, takewhile
 
 import numpy as np
 
-from anmstrip.advice import physics
+from anmstrip.advice import physics, warnings
 from anmstrip.advice.preview import Preview, as_sentence, motions_at, unheld_words
 from anmstrip.advice.units import other_units, typed_vector
-from anmstrip.advice.warnings import (
-    against_section,
-    below_round_off,
-    carries_itself,
-    finer_mesh,
-    serious_as_meant,
-    slides,
-    slides_as_a_whole,
-    spinning_rollers,
-    touched_drives,
-    usual_onset,
-)
 from anmstrip.arrays import Array
 from anmstrip.continuation.path import NEGLIGIBLE_SHARE, Evidence, Outcome, PathStopped
 from anmstrip.equilibrium import StageProblem
@@ -202,7 +190,7 @@ def too_large(failure: Failure) -> str | None:
     if failure.stopped.outcome is not Outcome.TOO_LARGE:
         return None
     assembly, kinematics = failure.assembly, failure.scene.strip.kinematics
-    if kinematics == "shell" and not any(against_section(Preview(assembly, (), ()))):
+    if kinematics == "shell" and not any(warnings.against_section(Preview(assembly, (), ()))):
         return "Nothing varies across the strip. Try --set 'strip.kinematics=\"section\"'"
     longer = 2.0 * float(assembly.strip.cell_sizes[0].min())
     return f"Try longer elements: --set strip.refined={physics.two_digits(longer, np.ceil):g}"
@@ -219,7 +207,7 @@ def turns_through(failure: Failure) -> str | None:
     """A torque turns a roller through under the strip."""
     if failure.stopped.outcome is not Outcome.SPUN:
         return None
-    found = next(spinning_rollers(failure.state, failure.scene), None)
+    found = next(warnings.spinning_rollers(failure.state, failure.scene), None)
     return None if found is None else as_sentence(found)
 
 
@@ -228,7 +216,7 @@ def nothing_grips(failure: Failure) -> str | None:
 
     As where it yields: bending it takes up tension, which statics before the run leaves out.
     """
-    stage, slid = failure.stage, slides_as_a_whole(failure.state, failure.scene)
+    stage, slid = failure.stage, warnings.slides_as_a_whole(failure.state, failure.scene)
     answers = stage.steady and Course(failure.assembly).pulled(stage)
     return where_it_slides(failure) if answers and slid else None
 
@@ -239,8 +227,8 @@ def where_it_slides(failure: Failure) -> str:
     found = [
         f"{name} ({np.degrees(readings[name].wrap):.3g}°, {readings[name].tension_in:.5g} and "
         f"{readings[name].tension_out:.5g} N/m)"
-        for name, contact in touched_drives(failure.state, failure.scene).items()
-        if slides(contact)
+        for name, contact in warnings.touched_drives(failure.state, failure.scene).items()
+        if warnings.slides(contact)
     ]
     where = f"It slides over {', '.join(found)}. " if found else ""
     torques = ", other torques" * any(r.drive == "torque" for r in failure.scene.rollers)
@@ -298,7 +286,7 @@ def round_off(failure: Failure) -> str | None:
         rates = AffineVelocity(1.0, state.velocity[free] - u, np.zeros_like(u))
     equations = plan.equations(rates, state.velocity)
     share = NEGLIGIBLE_SHARE if plan.in_time else 1.0
-    told = below_round_off(failure.scene, equations.round_off(u, state.control), share)
+    told = warnings.below_round_off(failure.scene, equations.round_off(u, state.control), share)
     return f"The value {told}" if told else None
 
 
@@ -316,7 +304,7 @@ def forewarned(failure: Failure) -> str | None:
     preview = seen_before(failure)
     if doubted := so_far(other_units(preview)):
         return as_sentence(" and ".join(doubted))
-    found = so_far(serious_as_meant(preview))
+    found = so_far(warnings.serious_as_meant(preview))
     return as_sentence(min(found, key=lambda told: not is_of(told, [here]))) if found else None
 
 
@@ -374,7 +362,7 @@ def slack(failure: Failure) -> str | None:
         found = f"pressed at {at} with {-least[worst]:.3g} N/m, and buckles"
     elif (pull := float(mean[0, 0].max())) < -euler / strip.length**2 < 0.0:
         return snapping(failure, -pull)
-    elif not carries_itself(seen, seen.plans[-1], seen.strings[-1].span) and (
+    elif not warnings.carries_itself(seen, seen.plans[-1], seen.strings[-1].span) and (
         pull < euler / strip.length**2
         or (failure.stopped.outcome is Outcome.SINGULAR and not forces.any())
     ):
@@ -456,7 +444,8 @@ def more_tension(failure: Failure) -> str:
         larger = max(2.0, least / float(np.linalg.norm(force))) * force
         return f"Try --set 'stages.{stage}.exit.force={typed_vector(larger, '.4g')}'"
     if held is not None and "x" in held.fixed:
-        before = [each.name for each in takewhile(holds_exit, scene.stages)]
+        holding = takewhile(lambda each: not each.edge("exit").release, scene.stages)
+        before = [each.name for each in holding]
         if stage in before:
             return f"Try a larger x in stages.{stage}.exit.move."
         if before:
@@ -464,11 +453,6 @@ def more_tension(failure: Failure) -> str:
     first = scene.stages[0]
     calm = f" --set stages.{first.name}.friction=false" * failure.assembly.frictional(first)
     return f"Try --set 'stages.{first.name}.exit.force=[{least:.3g}, 0.0, 0.0]'{calm}"
-
-
-def holds_exit(stage: StageSpec) -> bool:
-    """Whether a stage does not let the exit go."""
-    return "exit" not in stage.edges or not stage.edges["exit"].release
 
 
 def free_motion(failure: Failure) -> str | None:
@@ -488,9 +472,10 @@ def coarse(failure: Failure) -> str | None:
     layer = float(np.sqrt(strip.bending_stiffness / failure.assembly.scales.tension))
     if not location.element > COARSE_ELEMENT * layer:
         return None
+    finer = warnings.finer_mesh(failure.scene, LAYER_SHARE * layer)
     return (
         f"Elements of {location.element:.3g} m over roller {location.roller} are long "
-        f"against √(D/T) = {layer:.3g} m. Try {finer_mesh(failure.scene, LAYER_SHARE * layer)}"
+        f"against √(D/T) = {layer:.3g} m. Try {finer}"
     )
 
 
@@ -499,7 +484,7 @@ def sharp_contact(failure: Failure) -> str | None:
     contact = failure.scene.contact
     if contact is None or contact.onset is None:
         return None
-    onset = usual_onset(failure.scene)
+    onset = warnings.usual_onset(failure.scene)
     if not contact.onset < SHARP_ONSET * onset:
         return None
     return (
@@ -557,9 +542,7 @@ def asked_too_much(failure: Failure) -> str:
     """The last change, in this stage or before it, is more than the strip can follow."""
     if failure.place is not None:
         return "Try a smaller range."
-    course = failure.scene.course
-    until = [stage.name for stage in course].index(failure.stage.name)
-    for stage in reversed(course[: until + 1]):
+    for stage in reversed(failure.scene.up_to(failure.stage)):
         rollers = {f"rollers.{name}": roller for name, roller in stage.rollers.items()}
         keys = [
             f"{name}.{key}"

@@ -32,6 +32,7 @@ from anmstrip.simulation.defaults import (
     bent_curvature,
     coefficient_on,
     distributed_load,
+    edge_pulls,
     flow_stress,
     given_tensions,
     held_ends,
@@ -311,8 +312,8 @@ def rollers_without_friction(preview: Preview) -> Iterator[str]:
     """Rollers that turn, or have torques or bearings, where nothing rubs on them."""
     scene, frictional = preview.assembly.scene, preview.assembly.frictional
     for spec in scene.rollers:
-        given = [(stage, stage.rollers.get(spec.name)) for stage in scene.stages]
-        turning = [stage for stage, c in given if c and (c.surface_speed or c.angular_speed)]
+        given = [(stage, stage.roller(spec.name)) for stage in scene.stages]
+        turning = [stage for stage, c in given if c.surface_speed or c.angular_speed]
         rubs = coefficient_on(scene, spec)
         cure = "friction.coefficient=0.2"
         if spec.friction is not None:
@@ -324,7 +325,7 @@ def rollers_without_friction(preview: Preview) -> Iterator[str]:
                 f"roller {spec.name} turns, but nothing rubs on it, so that it drives nothing. "
                 f"Try --set {cure}"
             )
-        elif scene.friction is not None and not rubs and any(c and c.torque for _, c in given):
+        elif scene.friction is not None and not rubs and any(c.torque for _, c in given):
             yield (
                 f"a torque turns roller {spec.name}, but nothing rubs on it, so that it spins and "
                 f"drives nothing. Try --set {cure}"
@@ -436,18 +437,13 @@ def pulled_at_both_ends(preview: Preview) -> Iterator[Pulled]:
         torques |= {n: c.torque for n, c in stage.rollers.items() if c.torque is not None}
         if stage.gravity is not None:
             weight = -assembly.strip.mass * stage.gravity[2]
-        for name in ENDS:
-            edge = stage.edges.get(name)
-            if edge is None:
-                continue
-            if edge.release:
-                held.discard(name)
-                if name not in given:
-                    pulls[name] = reaction(scene, name, before, weight)
-            if edge.tension is not None or edge.force is not None:
-                force = 0.0 if edge.force is None else float(np.linalg.norm(edge.force))
-                pulls[name] = force if edge.tension is None else edge.tension
-                given.add(name)
+        for name in (name for name in ENDS if stage.edge(name).release):
+            held.discard(name)
+            if name not in given:
+                pulls[name] = reaction(scene, name, before, weight)
+        own = {name: pull for name, pull in edge_pulls(stage) if name in pulls}
+        pulls |= own
+        given |= own.keys()
         free = not held and assembly.frictional(stage)
         if stage.steady:
             answers = course.pulled(stage) and not assembly.closed
@@ -493,8 +489,7 @@ def beyond_capacity(preview: Preview) -> Iterator[str]:
             lost = high > most * (SAGGING_SHARE if pulled.weight else 1.0)
             none = "there is no stationary state, and " * (stage.steady and lost)
             runs = "runs away" if lost else "nearly runs away"
-            changed = stage.edges.get(end)
-            key = "force" if changed is not None and changed.force is not None else "tension"
+            key = "tension" if stage.edge(end).force is None else "force"
             typed = f"stages.{stage.name}.{end}.{key}"
             if plain and not turn and key == "tension":
                 lower = f"--set {typed}={low:g}, or rollers that the strip wraps"
@@ -825,7 +820,7 @@ def carrying_speeds(
     last = dict[str, float]()
     for stage in assembly.scene.stages:
         for roller in rollers:
-            if (speed := surface_speed(stage.rollers.get(roller.name), roller)) is not None:
+            if (speed := surface_speed(stage, roller)) is not None:
                 last[roller.name] = speed * roller.sense * carrying_sense(roller, assembly.thread)
         yield stage, last
 
@@ -1009,8 +1004,7 @@ def pressing(assembly: Assembly, nip: Nip, load: float) -> float:
 def typed_speed(assembly: Assembly, stage: StageSpec, roller: Roller, speed: float) -> str:
     """Return what to type so that a roller carries strip on at a speed (m/s) in a stage."""
     key, typed = "surface_speed", speed * carrying_sense(roller, assembly.thread)
-    control = stage.rollers.get(roller.name)
-    if control is not None and control.angular_speed is not None:
+    if stage.roller(roller.name).angular_speed is not None:
         key, typed = "angular_speed", typed / roller.radius
     else:
         typed *= roller.sense
@@ -1050,8 +1044,7 @@ def standing_rollers(preview: Preview) -> Iterator[str]:
     driven = [roller for roller in assembly.driven if preview.turn(roller) > 0.0]
     touched = [roller for roller in driven if holding_ratio(preview, roller) > 1.0]
     for stage, last in carrying_speeds(assembly, touched):
-        entry = stage.edges.get("entry")
-        given = stage.strip.speed if stage.steady else entry and entry.speed
+        given = stage.strip.speed if stage.steady else stage.edge("entry").speed
         stand = [roller.name for roller in touched if roller.name not in last]
         rubs = stage.steady or assembly.rubs(stage)
         if not rubs or not given or not stand or any(last.values()):
@@ -1119,10 +1112,9 @@ def torque_beyond_friction(preview: Preview) -> Iterator[str]:
         if (pulled := pulls.get(stage.name)) is not None:
             before, behind = (dict(largest_tensions(preview, end, pulled)) for end in ENDS[::-1])
         for roller in assembly.rollers if assembly.rubs(stage) or stage.steady else ():
-            control = stage.rollers.get(roller.name)
-            if control is None or not control.torque:
+            if not (torque := stage.roller(roller.name).torque):
                 continue
-            forward = control.torque * roller.sense * carrying_sense(roller, thread) > 0.0
+            forward = torque * roller.sense * carrying_sense(roller, thread) > 0.0
             high, low = (side.get(roller.name, np.inf) for side in (before, last | behind))
             high, low = (high, low) if forward else (low, high)
             grip = holding_ratio(preview, roller)
@@ -1131,12 +1123,12 @@ def torque_beyond_friction(preview: Preview) -> Iterator[str]:
             if assembly.closed:  # at rest about the mean of both
                 tension = BELT_MARGIN * 2.0 * preview.tension / (grip + 1.0)
             most = roller.radius * assembly.strip.width * tension * (grip - 1.0)
-            if not 0.0 < most < abs(control.torque) - assembly.specs[roller.name].bearing:
+            if not 0.0 < most < abs(torque) - assembly.specs[roller.name].bearing:
                 continue
             key = f"stages.{stage.name}.rollers.{roller.name}.torque"
-            half = np.copysign(two_digits(0.5 * most, np.floor), control.torque)
+            half = np.copysign(two_digits(0.5 * most, np.floor), torque)
             yield (
-                f"{key} = {control.torque:g} N m is more than friction can take on a wrap of "
+                f"{key} = {torque:g} N m is more than friction can take on a wrap of "
                 f"{np.degrees(preview.turn(roller)):.3g}°, which is {most:.2g} N m under "
                 f"{tension:.3g} N/m: the roller turns through. Try --set {key}={half:g}"
             )
@@ -1275,11 +1267,11 @@ def sideways_entry(preview: Preview) -> Iterator[str]:
     for stage in preview.assembly.scene.stages:
         course.released |= {name for name, each in stage.edges.items() if each.release}
         edge, direction, held = course.passing
-        control = stage.edges.get(edge)
-        if not (course.fed(stage) and held and control and control.velocity):
+        velocity = stage.edge(edge).velocity
+        if not (course.fed(stage) and held and velocity):
             continue
-        along = float(np.dot(control.velocity, direction))
-        speed = float(np.linalg.norm(control.velocity))
+        along = float(np.dot(velocity, direction))
+        speed = float(np.linalg.norm(velocity))
         apart = np.arccos(np.clip(abs(along) / speed, 0.0, 1.0)) if speed else 0.0
         if np.sin(apart) > ALIGNED_SINE:
             typed = typed_vector(np.copysign(speed, along) * np.asarray(direction), ".4g")

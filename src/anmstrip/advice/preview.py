@@ -439,7 +439,7 @@ def unheld_words(scene: SceneSpec, stage: str, component: str) -> str:
     edge = edge_to_hold(scene)
     before = scene.edges.get(edge, EdgeSpec()).fixed
     for each in scene.stages if component in before else ():
-        if edge in each.edges and each.edges[edge].release:
+        if each.edge(edge).release:
             key = f"stages.{each.name}.{edge}.release=false"
             return f"nothing holds the strip in {component}. Try --set {key}"
     key = f"'edges.{edge}.fixed={json.dumps(sorted({*before, component}))}'"

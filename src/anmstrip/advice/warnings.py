@@ -221,9 +221,7 @@ def onset_near_round_off(preview: Preview) -> Iterator[str]:
 
 def usual_onset(scene: SceneSpec) -> float:
     """Return the onset of contact (m) that a scene has if none is typed."""
-    assert scene.contact is not None
-    contact = scene.contact.model_copy(update={"onset": None})
-    return Assembly(scene.model_copy(update={"contact": contact})).signorini.width
+    return Assembly(scene.with_values(contact={"onset": None})).signorini.width
 
 
 def slack_start(preview: Preview) -> Iterator[str]:
@@ -667,8 +665,8 @@ def keeps_its_load(preview: Preview) -> Iterator[str]:
         return
     for stage in scene.stages:
         for name in ENDS:
-            edge = stage.edges.get(name)
-            if edge is None or not edge.release or edge.force or edge.tension is not None:
+            edge = stage.edge(name)
+            if not edge.release or edge.force or edge.tension is not None:
                 continue
             yield (
                 f"stage {stage.name} lets the {name} go, and the force that has held it stays as "
@@ -701,8 +699,7 @@ def slack_end(preview: Preview) -> Iterator[str]:
         if np.linalg.norm(force) < SLACK_END * largest < (pulled := np.linalg.norm(before)):
             kept = units.typed_vector(0.1 * largest / pulled * before, ".2g")
             key = f"'stages.{plan.name}.exit.force={kept}'"
-            typed = stage.edges.get("exit")
-            if typed is not None and typed.tension is not None:
+            if stage.edge("exit").tension is not None:
                 key = f"stages.{plan.name}.exit.tension={0.1 * largest:.2g}"
             yield (
                 f"stage {plan.name} leaves the strip without tension, which is what holds it in "
@@ -945,12 +942,12 @@ def slip_speed(preview: Preview) -> float:
     slip, moves = 0.0, False
     for stage in scene.stages:
         for roller in rollers:
-            if (given := surface_speed(stage.rollers.get(roller.name), roller)) is not None:
+            if (given := surface_speed(stage, roller)) is not None:
                 turning[roller.name] = given
         moving |= {n: e.signed_speed for n, e in stage.edges.items() if e.signed_speed is not None}
         moves = moves or any(turning.values()) or any(moving.values())
         speeds = [turning.get(r.name, 0.0) for r in rollers if r.name not in idle]
-        if "entry" in stage.edges and stage.edges["entry"].tension is not None:
+        if stage.edge("entry").tension is not None:
             passing = []
         passing = passing if stage.strip.speed is None else [stage.strip.speed]
         strip = passing if stage.steady else [moving.get(name, 0.0) for name in held]

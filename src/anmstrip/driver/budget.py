@@ -19,16 +19,8 @@ from scipy.sparse.linalg import ArpackError
 
 from anmstrip.advice.warnings import time_words
 from anmstrip.arrays import Array, Index
+from anmstrip.continuation import newton
 from anmstrip.continuation.follow import PathStep, Settings, follow
-from anmstrip.continuation.newton import (
-    ROUND_OFF_MARGIN,
-    SLOW_CONVERGENCE_RATIO,
-    TANGENT_REUSE_RATIO,
-    Corrected,
-    Corrections,
-    Newton,
-    solve_by_narrowing,
-)
 from anmstrip.continuation.path import Cost, Equations, Outcome, PathStopped
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.fem.geometry import SHELL
@@ -709,7 +701,7 @@ class Halved(Assembly):
 
 def corrected_by_width(
     equations: Equilibrium, solver: SparseSolver, wanted: float, first: float
-) -> tuple[Corrected | None, Array]:
+) -> tuple[newton.Corrected | None, Array]:
     """Return the state in balance near zero by Newton's method, and where to go on if it is None.
 
     At once, or from where wider laws lead.
@@ -722,9 +714,11 @@ def corrected_by_width(
         Imbalance that is asked for, and that of zero.
     """
     begin = np.zeros(len(equations.supports.free))
-    usual = Corrections(wanted, MAX_CORRECTIONS, FAST_REDUCTION, least=1, kept=TANGENT_REUSE_RATIO)
-    quick = replace(usual, near=np.inf, helpful=SLOW_CONVERGENCE_RATIO)
-    found = Newton(equations, solver, quick, Cost()).corrected(begin, 0.0)
+    usual = newton.Corrections(
+        wanted, MAX_CORRECTIONS, FAST_REDUCTION, least=1, kept=newton.TANGENT_REUSE_RATIO
+    )
+    quick = replace(usual, near=np.inf, helpful=newton.SLOW_CONVERGENCE_RATIO)
+    found = newton.Newton(equations, solver, quick, Cost()).corrected(begin, 0.0)
     if found is None or found.imbalance <= wanted:
         return found, begin
     smoother = [pair[0] for pair in map(equations.smoother, WIDER_LAWS) if pair is not None]
@@ -739,21 +733,21 @@ def corrected_by_width(
             if near is None:
                 continue
             starts.append(begin := near)
-            balanced = Newton(equations, solver, choices, Cost()).corrected(near, 0.0)
+            balanced = newton.Newton(equations, solver, choices, Cost()).corrected(near, 0.0)
             if balanced is not None and balanced.imbalance <= wanted:
                 return balanced, begin
     return None, begin
 
 
 def led_by(
-    ladder: Iterable[Equilibrium], near: Array, solver: SparseSolver, usual: Corrections
+    ladder: Iterable[Equilibrium], near: Array, solver: SparseSolver, usual: newton.Corrections
 ) -> Array | None:
     """Return where wider laws lead from near one to the next, or None if one has no balance."""
     for wider in ladder:
         least = WIDER_REDUCTION * min(wider.imbalance(wider.residual(near, 0.0)), 1.0)
         least = max(usual.tolerance, least)
         rough = replace(usual, tolerance=least, least=0, most=MAX_ROUGH_CORRECTIONS)
-        found = Newton(wider, solver, rough, Cost()).corrected(near, 0.0)
+        found = newton.Newton(wider, solver, rough, Cost()).corrected(near, 0.0)
         if found is None:
             return None
         near = found.u
@@ -786,7 +780,7 @@ def balance_state(
     equations = plan.equations(rates, moving)
     zero = np.zeros(len(free))
     first = equations.imbalance(equations.residual(zero, 0.0))
-    floor = ROUND_OFF_MARGIN * equations.round_off(zero, 0.0)
+    floor = newton.ROUND_OFF_MARGIN * equations.round_off(zero, 0.0)
     wanted = min(max(IMBALANCE_REDUCTION * first, floor), LARGEST_IMBALANCE_LEFT)
     wanted, solver = max(wanted, SMALLEST_IMBALANCE), SparseSolver()
     found, begin = corrected_by_width(equations, solver, wanted, first)
@@ -807,7 +801,7 @@ def balance_state(
         u = path(equations, begin, 0.0).branch.end[0] if found is None else found.u
     except PathStopped:
         given: dict[str, Any] = {"solver": solver, "tolerance": wanted, "cost": Cost()}
-        if (found := solve_by_narrowing(equations, begin, 0.0, path, **given)) is None:
+        if (found := newton.solve_by_narrowing(equations, begin, 0.0, path, **given)) is None:
             return None
         u = found.u
     full, moved = plan.supports.full(u, 0.0), equations.full_velocity(u, 0.0)

@@ -13,17 +13,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from anmstrip.advice import warnings
 from anmstrip.advice.preview import Preview
 from anmstrip.advice.units import MIN_FLATNESS
-from anmstrip.advice.warnings import (
-    Level,
-    justified_level,
-    levels,
-    slides,
-    time_words,
-    touched_drives,
-    warnings,
-)
 from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import InputError, Mistake, printable, require_parent
 from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
@@ -95,7 +87,7 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
     """Yield sentences and tables of what a run would do."""
     assembly = Assembly(scene)
     preview = Preview.of(assembly)
-    found, own = levels(preview), assembly.kinematics.name
+    found, own = warnings.levels(preview), assembly.kinematics.name
     yield printable(scene.title or scene.name)
     yield size_words(assembly)
     if defaults.loose_across(scene):
@@ -123,7 +115,7 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
     yield level_table(found, own)
     against = {level.kinematics.name: "; ".join(level.against) for level in found if level.against}
     yield from (f"Not {name}: {reasons}." for name, reasons in against.items())
-    best = justified_level(found)
+    best = warnings.justified_level(found)
     chosen = ", as chosen" if best.kinematics.name == own else ""
     yield f"These numbers justify: {best.kinematics.name}{chosen}. {best.lost}."
     if scene.contact is not None and scene.rollers:
@@ -139,12 +131,14 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
         f"order {assembly.order}{', the cheapest' if scene.solver.order is None else ''}."
     )
     if assembly.can_halve and (seconds := assembly.estimate_seconds) > LONG_ESTIMATE:
-        told = f"on elements of half the length, takes about {time_words(seconds)} each time"
+        told = (
+            f"on elements of half the length, takes about {warnings.time_words(seconds)} each time"
+        )
         yield f"To estimate the errors by the mesh, {told}."
     if lighter := lighter_stages(assembly):
         yield f"Before larger forces act, relative to {lighter}."
     yield from unusual(scene)
-    yield from (f"Warning: {line}" for line in warnings(preview))
+    yield from (f"Warning: {line}" for line in warnings.warnings(preview))
 
 
 def gathered_lines(assembly: Assembly) -> Iterator[str]:
@@ -469,7 +463,7 @@ def path_of(plan: StageProblem) -> str:
     return f"implicit in time ({rates})" if plan.in_time else "rate-free, in the control"
 
 
-def level_table(found: Sequence[Level], own: str) -> Table:
+def level_table(found: Sequence[warnings.Level], own: str) -> Table:
     """Return the levels of kinematics with their unknowns, points and costs."""
     columns = ("unknowns", "points", "cost of an expansion (estimate)", "represents this scene")
     table = plain_table("Kinematics", "level", *columns)
@@ -521,9 +515,9 @@ def report(run: Run, told: Collection[str] = ()) -> str:
         if latent is not None and manifest is not None and latent >= MIN_FLATNESS:
             mean = f"{latent:.3g} I-units latent in the mean along the strip"
             parts.append(f"Flatness: {mean}, {manifest:.3g} in waves where they are highest.")
-        touched = touched_drives(state, run.scene)
+        touched = warnings.touched_drives(state, run.scene)
         slid = [n for n in touched if (state.rollers[n].capacity_used or 0.0) > SLIDING_SHARE]
-        slid = [n for n in slid if slides(touched[n])]
+        slid = [n for n in slid if warnings.slides(touched[n])]
         if slid:
             turning = any(contact.surface_speed for contact in touched.values())
             every = turning and len(slid) == len(touched) > 1

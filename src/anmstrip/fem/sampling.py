@@ -34,6 +34,17 @@ def shape_of(strip: Strip) -> str:
     return {2: "line", 3: "triangle", 4: "quad"}[len(strip.mesh.t)]
 
 
+def stations(strip: Strip, x: Array) -> tuple[Array, Index]:
+    """Return places (m) along the strip, ascending, and the number of each x (m) among them.
+
+    Of triangles, whose points do not stand in lines, places are as far apart as an element is long.
+    """
+    sizes, triangles = strip.cell_sizes[0], shape_of(strip) == "triangle"
+    unit = float(sizes.mean() if triangles else 1e-6 * sizes.min())
+    places, number = np.unique(np.round(x / unit), return_inverse=True)
+    return places * unit, number
+
+
 def patches(strip: Strip, local: Array) -> Patches:
     """Points of all elements, given those of the reference element, (dimensions, points)."""
     basis = strip.basis

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from scipy.sparse import csc_matrix
-from skfem import Basis, FacetBasis, Mesh, MeshLine, MeshQuad, MeshTri
+from skfem import Basis, BilinearForm, FacetBasis, LinearForm, Mesh, MeshLine, MeshQuad, MeshTri
 
 from anmstrip.arrays import Array, Index, NumbersInRange, require_number
 from anmstrip.errors import Named
@@ -58,29 +58,22 @@ class Edge:
     @cached_property
     def mass(self) -> Array:
         """∫ φ_i φ_j ds of its ``trace``, by which forces per length make forces."""
-        strip = self.strip
-        basis = FacetBasis(strip.mesh, strip.basis.elem, facets=self.facets, intorder=8)
-        weights, places = strip.weights(basis), np.full(strip.scalars, -1)
-        places[self.trace] = np.arange(len(self.trace))
-        found = np.zeros((len(self.trace) + 1,) * 2)  # the last row and column are of the others
-        for rows, (one,) in zip(places[basis.element_dofs], basis.basis, strict=True):
-            for columns, (two,) in zip(places[basis.element_dofs], basis.basis, strict=True):
-                np.add.at(found, (rows, columns), (np.asarray(one) * two * weights).sum(axis=1))
-        return found[:-1, :-1]
+        basis = self.strip.edge_basis(self.name)
+        form = BilinearForm(lambda u, v, w: w["share"] * u * v)
+        whole = form.assemble(basis, share=self.strip.weights(basis) / basis.dx)
+        return np.asarray(whole[self.trace][:, self.trace].toarray())
 
     @cached_property
     def _integrals(self) -> tuple[Array, float]:
         strip = self.strip
-        load = np.zeros(strip.scalars)
         if strip.mesh.dim() == 1:
+            load = np.zeros(strip.scalars)
             load[self.values] = strip.depth
             return load, strip.depth
-        basis = FacetBasis(strip.mesh, strip.basis.elem, facets=self.facets, intorder=6)
-        weights = strip.weights(basis)
-        for dofs, (field,) in zip(basis.element_dofs, basis.basis, strict=True):
-            np.add.at(load, dofs, (np.asarray(field) * weights).sum(axis=1))
+        basis = strip.edge_basis(self.name)
+        load = strip.integrals(basis)
         load[np.abs(load) * strip.dof_lengths < 1e-12 * np.abs(load).max()] = 0.0
-        return load, float(weights.sum())
+        return load, float(strip.weights(basis).sum())
 
 
 @dataclass(eq=False, repr=False)
@@ -213,6 +206,12 @@ class Strip:
         normal = np.asarray(basis.normals).reshape(2, -1)
         along = jet.tangents[:, 1] * normal[0] - jet.tangents[:, 0] * normal[1]
         return dx * np.linalg.norm(along, axis=0).reshape(dx.shape)
+
+    def integrals(self, basis: Any = None) -> Array:
+        """Return the integrals of all functions over the strip, or an edge of it, (scalars,)."""
+        basis = self.basis if basis is None else basis
+        form = LinearForm(lambda v, w: w["share"] * v)
+        return np.asarray(form.assemble(basis, share=self.weights(basis) / basis.dx))
 
     def dofs(self, name: str) -> Index:
         """Scalar degrees of freedom of the nodes by name: u, u_x, u_y, u_xy, ..."""

@@ -12,21 +12,7 @@ from scipy.linalg import lapack
 from scipy.sparse import bmat, coo_matrix, csc_matrix, csr_matrix, hstack, issparse, vstack
 
 from anmstrip.arrays import Array, Index
-from anmstrip.linalg.direct import (
-    BandPlan,
-    ChainPlan,
-    Factors,
-    NonFiniteTangentError,
-    PardisoPlan,
-    SingularTangentError,
-    Solve,
-    SuperLUPlan,
-    equilibrate,
-    pardiso_is_there,
-    require_finite,
-    require_stiffness,
-    with_refinement,
-)
+from anmstrip.linalg import direct
 
 WIDEST_BORDER = 24
 """Columns of a border above which all but the last join the sparse matrix: each reaches only the
@@ -48,7 +34,7 @@ class Bordered:
         """K as one sparse matrix, (n + m, n + m)."""
         return csc_matrix(bmat([[self.inner, self.columns], [self.rows, self.corner]]))
 
-    def factorised(self, factorise: Callable[[csc_matrix], Factors]) -> Factors:
+    def factorised(self, factorise: Callable[[csc_matrix], direct.Factors]) -> direct.Factors:
         """Factors of K from those of A, or of K as a whole where A is nearly singular.
 
         Block elimination (Golub and Van Loan, Matrix Computations, section 3.2) is only as stable
@@ -67,7 +53,7 @@ class Bordered:
             K is singular.
         """
         if len(self.corner) > WIDEST_BORDER:
-            return self._narrowed().factorised(lambda a: SuperLUPlan(a).factorise(a))
+            return self._narrowed().factorised(lambda a: direct.SuperLUPlan(a).factorise(a))
         if issparse(self.columns):
             full = self.columns.toarray(), self.rows.toarray(), self.corner
             return Bordered(self.inner, *full).factorised(factorise)
@@ -77,11 +63,11 @@ class Bordered:
             scaled = self._scaled(d)
             inner = factorise(scaled.inner)
             eliminated, schur = scaled._eliminated(inner)
-            solve = with_refinement(eliminated, scaled, scaled._norm())
-        except SingularTangentError:
+            solve = direct.with_refinement(eliminated, scaled, scaled._norm())
+        except direct.SingularTangentError:
             whole = self.assembled()
-            return SuperLUPlan(whole).factorise(whole)
-        return Factors(
+            return direct.SuperLUPlan(whole).factorise(whole)
+        return direct.Factors(
             lambda right: solve(right * d) * d,
             lambda: inner.negatives + int((np.linalg.eigvals(schur).real < 0.0).sum()),
         )
@@ -119,15 +105,15 @@ class Bordered:
 
     def _require_finite(self) -> None:
         """Raise an error that names the first column with an entry that is not finite."""
-        require_finite(self.inner)
+        direct.require_finite(self.inner)
         finite = np.isfinite(self.columns).all(axis=0) & np.isfinite(self.rows).all(axis=1)
         finite &= np.isfinite(self.corner).all(axis=0) & np.isfinite(self.corner).all(axis=1)
         if not finite.all():
-            raise NonFiniteTangentError(self.inner.shape[0] + int(np.argmin(finite)))
+            raise direct.NonFiniteTangentError(self.inner.shape[0] + int(np.argmin(finite)))
 
     def _scales(self) -> Array:
         """Factors d that make the largest entries d_i |K_ij| d_j of rows and columns about one."""
-        d = equilibrate(self.inner)
+        d = direct.equilibrate(self.inner)
         across = np.abs(self.columns * d[:, None]).max(axis=0)
         along = np.abs(self.rows * d).max(axis=1)
         largest = np.maximum(np.maximum(across, along), np.sqrt(np.abs(self.corner.diagonal())))
@@ -140,7 +126,7 @@ class Bordered:
         columns, rows = d[:n, None] * self.columns * d[n:], d[n:, None] * self.rows * d[:n]
         return Bordered(inner, columns, rows, d[n:, None] * self.corner * d[n:])
 
-    def _eliminated(self, inner: Factors) -> tuple[Solve, Array]:
+    def _eliminated(self, inner: direct.Factors) -> tuple[direct.Solve, Array]:
         """Solver by the Schur complement S = D − C A⁻¹ B, and this.
 
         By Haynsworth's formula A and S together have as many negative eigenvalues as K.
@@ -149,7 +135,7 @@ class Bordered:
         influence = np.column_stack([inner.solve(column) for column in self.columns.T])
         schur = self.corner - self.rows @ influence
         if not np.isfinite(schur).all() or not np.linalg.cond(schur) < 1.0 / np.finfo(float).eps:
-            raise SingularTangentError("the Schur complement of the border is singular", n)
+            raise direct.SingularTangentError("the Schur complement of the border is singular", n)
         lu, pivots, _ = lapack.dgetrf(schur)
 
         def solve(right: Array) -> Array:
@@ -174,7 +160,7 @@ class Condensed:
     condensed: Callable[[Array, Array], Array]  # f and D⁻¹ g to the right-hand side of ``inner``
     recovered: Callable[[Array, Array], Array]  # solution of ``inner`` and D⁻¹ g to z
 
-    def factorised(self, factorise: Callable[[Any], Factors]) -> Factors:
+    def factorised(self, factorise: Callable[[Any], direct.Factors]) -> direct.Factors:
         """Return factors of K from those of the condensed matrix."""
         inner, n = factorise(self.inner), self.count
 
@@ -183,7 +169,7 @@ class Condensed:
             x = inner.solve(self.condensed(right[:n], solved))
             return np.concatenate([x[:n], self.recovered(x, solved)])
 
-        return Factors(solve, lambda: inner.negatives)
+        return direct.Factors(solve, lambda: inner.negatives)
 
 
 class Joining:
@@ -200,7 +186,7 @@ class Joining:
         See :class:`~anmstrip.linalg.direct.ChainPlan`.
     """
 
-    plan: BandPlan | ChainPlan
+    plan: direct.BandPlan | direct.ChainPlan
 
     def __init__(
         self, matrix: csc_matrix, rows: Index, columns: Index, order: Index, ends: Index
@@ -215,7 +201,7 @@ class Joining:
         numbered.sort_indices()
         self.part, self.source = numbered, numbered.data.astype(np.int64) - 1
         narrow = np.abs(index[0] - index[1]).max() < WIDEST_CHAIN_BAND
-        self.plan = BandPlan(numbered) if narrow else ChainPlan(numbered, ends)
+        self.plan = direct.BandPlan(numbered) if narrow else direct.ChainPlan(numbered, ends)
 
     def joined(self, matrix: csc_matrix | Bordered, values: Array, pull: Array) -> Joined:
         """Return the matrix with the further entries, and its border if it has one.
@@ -245,9 +231,9 @@ class Joined:
 
     inner: csc_matrix | Bordered
     place: Index  # of the unknowns of K in ``inner``
-    plan: BandPlan | ChainPlan
+    plan: direct.BandPlan | direct.ChainPlan
 
-    def factorised(self, factorise: Callable[[Any], Factors]) -> Factors:
+    def factorised(self, factorise: Callable[[Any], direct.Factors]) -> direct.Factors:
         """Return factors of K from those of the ordered matrix, along the chain."""
         del factorise
         of = self.plan.factorise
@@ -258,7 +244,7 @@ class Joined:
             ordered[self.place] = right
             return inner.solve(ordered)[self.place]
 
-        return Factors(solve, lambda: inner.negatives)
+        return direct.Factors(solve, lambda: inner.negatives)
 
 
 WIDEST_BAND = 550
@@ -277,7 +263,7 @@ WIDEST_CHAIN_BAND = 200
 class LinearSolver(Protocol):
     """Anything that makes factors of matrices."""
 
-    def factorise(self, matrix: Any) -> Factors:
+    def factorise(self, matrix: Any) -> direct.Factors:
         """Factors; raises :class:`~anmstrip.linalg.direct.SingularTangentError`."""
 
 
@@ -287,7 +273,7 @@ class Remembering:
     def __init__(self, solver: LinearSolver) -> None:
         self.solver = solver
 
-    def factorise(self, matrix: Any) -> Factors:
+    def factorise(self, matrix: Any) -> direct.Factors:
         """Factors of a matrix, also kept as ``factors``."""
         self.factors = self.solver.factorise(matrix)
         return self.factors
@@ -296,19 +282,19 @@ class Remembering:
 class DenseSolver:
     """Full LU with partial pivoting, for a handful of unknowns."""
 
-    def factorise(self, matrix: Array) -> Factors:
+    def factorise(self, matrix: Array) -> direct.Factors:
         """LU factors of the matrix with rows and columns scaled to a largest entry of 1."""
         finite = np.isfinite(matrix).all(axis=0)
         if not finite.all():
-            raise NonFiniteTangentError(int(np.argmin(finite)))
+            raise direct.NonFiniteTangentError(int(np.argmin(finite)))
         columns = np.abs(matrix).max(axis=0)
-        require_stiffness(columns)
+        direct.require_stiffness(columns)
         rows = np.abs(matrix / columns).max(axis=1)
-        require_stiffness(rows)
+        direct.require_stiffness(rows)
         lu, pivots, info = lapack.dgetrf(matrix / columns / rows[:, None])
         if info > 0:
-            raise SingularTangentError(f"the pivot of unknown {info - 1} is zero", info - 1)
-        return Factors(
+            raise direct.SingularTangentError(f"the pivot of unknown {info - 1} is zero", info - 1)
+        return direct.Factors(
             lambda right: lapack.dgetrs(lu, pivots, right / rows)[0] / columns,
             lambda: int((np.linalg.eigvals(matrix).real < 0.0).sum()),
         )
@@ -317,16 +303,16 @@ class DenseSolver:
 class SparseSolver:
     """Chooses band or sparse LU from the first matrix; keeps the plan while the pattern stays."""
 
-    plan: BandPlan | SuperLUPlan | None = None
+    plan: direct.BandPlan | direct.SuperLUPlan | None = None
     name = "none yet"  # of the factorisation that was chosen, for reports
 
-    def factorise(self, matrix: csc_matrix | Bordered | Condensed | Joined) -> Factors:
+    def factorise(self, matrix: csc_matrix | Bordered | Condensed | Joined) -> direct.Factors:
         """Factors by the plan for the pattern of the matrix; other unknowns are eliminated."""
         if isinstance(matrix, Bordered | Condensed | Joined):
             return matrix.factorised(self.factorise)
         if getattr(matrix, "format", "full") != "csc":
             matrix = csc_matrix(matrix)
-        require_finite(matrix)
+        direct.require_finite(matrix)
         if self.plan is None or not self.plan.fits(matrix):
             self.plan = fastest_plan(matrix)
         factors = self.plan.factorise(matrix)
@@ -334,9 +320,9 @@ class SparseSolver:
         return factors
 
 
-def fastest_plan(matrix: csc_matrix) -> BandPlan | SuperLUPlan:
+def fastest_plan(matrix: csc_matrix) -> direct.BandPlan | direct.SuperLUPlan:
     """The fastest plan for the pattern of a matrix, from the width of its band."""
-    band, there = BandPlan(matrix), pardiso_is_there()
+    band, there = direct.BandPlan(matrix), direct.pardiso_is_there()
     if band.width <= (WIDEST_BEFORE_PARDISO if there else WIDEST_BAND):
         return band
-    return PardisoPlan(matrix) if there else SuperLUPlan(matrix)
+    return direct.PardisoPlan(matrix) if there else direct.SuperLUPlan(matrix)

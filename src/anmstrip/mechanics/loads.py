@@ -58,10 +58,7 @@ def uneven_edge_force(strip: Strip, name: str) -> UnevenForce:
 
 def weight(strip: Strip) -> LoadEffect:
     """Weight ρ t per area, scaled by the control ``gravity`` (m/s²)."""
-    basis, weights, load = strip.basis, strip.weights(), np.zeros(strip.scalars)
-    for dofs, field in zip(basis.element_dofs, basis.basis, strict=True):
-        np.add.at(load, dofs, strip.mass * (np.asarray(field[0]) * weights).sum(axis=1))
-    return LoadEffect("weight", "gravity", load, strip.kinematics)
+    return LoadEffect("weight", "gravity", strip.mass * strip.integrals(), strip.kinematics)
 
 
 class GrownWeight(LawEffect):

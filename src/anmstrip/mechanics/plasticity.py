@@ -18,7 +18,7 @@ from anmstrip.arrays import Array
 from anmstrip.fem.geometry import DERIVATIVE_PAIRS, dot
 from anmstrip.fem.operators import InternalOperator
 from anmstrip.mechanics.effects import LawEffect, Values
-from anmstrip.mechanics.shell import KirchhoffLove, Membrane, eigenstrain, moduli, weaken
+from anmstrip.mechanics.shell import KirchhoffLove, Membrane, moduli, weaken
 
 VON_MISES = {1: np.eye(1), 3: np.array([[1.0, -0.5, 0.0], [-0.5, 1.0, 0.0], [0.0, 0.0, 3.0]])}
 """A in σ_eq² = σ · A σ of a fibre's stress, and of (xx, yy, xy) in plane stress."""
@@ -166,7 +166,7 @@ class Plasticity(LawEffect):
         """Return σ (Pa) as xx or (xx, yy, xy), (1 or 3, layers, points)."""
         derivatives, internal = self.derivatives(x), self.internal(x)
         tangents = derivatives[:, : self.bending.directions]
-        strain = self.membrane.strain(tangents, eigenstrain(self.strip, controls))
+        strain = self.membrane.strain(tangents, controls)
         bent, heights = self.bending.change(derivatives, controls), self.layers.heights[:, None]
         pairs = DERIVATIVE_PAIRS[self.bending.directions]
         each = [

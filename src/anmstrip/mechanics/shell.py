@@ -174,15 +174,16 @@ class Membrane(LawEffect):
             natural = self.flat + self.operator.apply(imperfection)
             self.metric = np.einsum("iap,ibp->abp", natural, natural)
 
-    def strain(self, tangents: Any, eigen: Any = None) -> Any:
-        """Return E − E⁰, (d, d, points), from tangent vectors (components, d, points) and E⁰."""
+    def strain(self, tangents: Any, controls: Mapping[str, Any] = {}) -> Any:
+        """Return E − E⁰, (d, d, points), from tangent vectors (components, d, points)."""
         strain = (np.einsum("ia...,ib...->ab...", tangents, tangents) - self.metric) * 0.5
-        return strain if eigen is None else strain - eigen
+        own = eigenstrain(self.strip, controls)
+        return strain if own is None else strain - own
 
     def forces(self, tangents: Any, controls: Mapping[str, Any] = {}) -> Any:
         """N (N/m), shape (d, d, points), from tangent vectors (components, d, points)."""
-        strain = self.strain(tangents, eigenstrain(self.strip, controls))
-        return weaken(np.einsum("abcd,cd...->ab...", self.stiffness, strain), controls)
+        forces = np.einsum("abcd,cd...->ab...", self.stiffness, self.strain(tangents, controls))
+        return weaken(forces, controls)
 
     def at(self, full: Array, controls: Mapping[str, Any] = {}) -> Array:
         """N (N/m) of a state at the quadrature points, shape (d, d, points)."""

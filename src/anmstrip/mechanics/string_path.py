@@ -370,7 +370,31 @@ def string_path(
     c = np.concatenate([first[:, None], c, last[:, None]], axis=1)
     rho = np.pad(np.broadcast_to(rho, rho.shape[:1] + fibres), ((1, 1), (0, 0)))
 
-    # straight runs: both feet c + ρ n lie on one line, with d = c' − c, d·n = ρ − ρ', d·u = L
+    t, runs, leaving, arriving = straight_runs(c, rho)
+    turns = wrap_angles(t, runs, rho[1:-1], np.broadcast_to(crossing, len(r)))
+    arcs = np.abs(rho[1:-1]) * turns
+    alternating = np.arange(1, len(arcs) + 1)  # arcs between runs
+    lengths = np.insert(runs, alternating, arcs, axis=0)
+    return StringPath(
+        starts=np.concatenate([np.zeros_like(runs[:1]), np.cumsum(lengths, axis=0)]),
+        points=np.insert(leaving, alternating, arriving[:, :-1], axis=1),
+        angles=np.insert(t, alternating, t[:-1], axis=0),
+        curvatures=np.insert(np.zeros_like(t), alternating, -1.0 / rho[1:-1], axis=0),
+    )
+
+
+def straight_runs(c: Array, rho: Array) -> tuple[Array, Array, Array, Array]:
+    """Return the headings of the runs between circles, their lengths, and where they begin and end.
+
+    Both feet c + ρ n of a run lie on one line, with d = c' − c, d·n = ρ − ρ' and d·u = L.
+
+    Parameters
+    ----------
+    c : ndarray, shape (2, circles, fibres)
+        Centres (m), one behind the other.
+    rho : ndarray, shape (circles, fibres)
+        Radii (m), below 0 of circles that the string passes under.
+    """
     d, across = np.diff(c, axis=1), -np.diff(rho, axis=0)
     distance2 = np.sum(d**2, axis=0)
     wrong = (across**2 > distance2 * (1.0 + 1e-12)) | (distance2 == 0.0)
@@ -378,19 +402,8 @@ def string_path(
         raise NoTangentError(int(np.argmax(wrong.any(axis=1))))
     runs = np.sqrt(np.maximum(distance2 - across**2, 0.0))
     t = np.arctan2(d[1], d[0]) - np.arctan2(across, runs)
-
-    turns = wrap_angles(t, runs, rho[1:-1], np.broadcast_to(crossing, len(r)))
-    arcs = np.abs(rho[1:-1]) * turns
     n = frame(t)[1]
-    leaving, arriving = c[:, :-1] + rho[:-1] * n, c[:, 1:-1] + rho[1:-1] * n[:, :-1]
-    alternating = np.arange(1, len(arcs) + 1)  # arcs between runs
-    lengths = np.insert(runs, alternating, arcs, axis=0)
-    return StringPath(
-        starts=np.concatenate([np.zeros_like(runs[:1]), np.cumsum(lengths, axis=0)]),
-        points=np.insert(leaving, alternating, arriving, axis=1),
-        angles=np.insert(t, alternating, t[:-1], axis=0),
-        curvatures=np.insert(np.zeros_like(t), alternating, -1.0 / rho[1:-1], axis=0),
-    )
+    return t, runs, c[:, :-1] + rho[:-1] * n, c[:, 1:] + rho[1:] * n
 
 
 def closing_point(centres: ArrayLike, radii: ArrayLike, senses: ArrayLike) -> Array:
@@ -412,13 +425,9 @@ def closing_point(centres: ArrayLike, radii: ArrayLike, senses: ArrayLike) -> Ar
     >>> closing_point([[0.0, 0.0], [3.0, 0.0]], [1.0, 1.0], [1, 1])
     array([ 1.5, -1. ])
     """
-    c, rho = np.asarray(centres, dtype=float), np.multiply(radii, senses)
-    d, across = c[0] - c[-1], rho[-1] - rho[0]
-    if not across**2 < d @ d:
-        raise NoTangentError(0)
-    t = np.arctan2(d[1], d[0]) - np.arctan2(across, np.sqrt(d @ d - across**2))
-    n = frame(t)[1]
-    return np.asarray(0.5 * (c[-1] + rho[-1] * n + c[0] + rho[0] * n))
+    c, rho = np.array(centres, dtype=float)[[-1, 0]].T, np.multiply(radii, senses)[[-1, 0]]
+    _, _, leaving, arriving = straight_runs(c[..., None], rho[:, None])
+    return np.asarray(0.5 * (leaving + arriving)[:, 0, 0])
 
 
 def wrap_angles(t: Array, runs: Array, rho: Array, crossing: Mask) -> Array:

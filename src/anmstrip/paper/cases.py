@@ -37,20 +37,9 @@ from anmstrip.results.events import EVENT_KINDS
 from anmstrip.results.files import make_directory, write_summary, write_table
 from anmstrip.taylor.polynomials import Watch, derivative_coefficients, value_at
 from anmstrip.taylor.series import recorded, taylor_series
+from anmstrip.timestepping import index_one
 from anmstrip.timestepping.formulas import start_memory
 from anmstrip.timestepping.implicit import Stepping, integrate
-from anmstrip.timestepping.index_one import (
-    Controlled,
-    FunctionRateEquations,
-    Instability,
-    TimePath,
-    find_consistent_state,
-    instabilities,
-    integrate_controlled,
-    integrate_explicitly,
-    join_series,
-    join_steps,
-)
 
 Step = TypeVar("Step")
 
@@ -68,7 +57,7 @@ MAX_CASE_STEPS = 200_000
 
 
 @dataclass(frozen=True)
-class CaseSolution(Controlled):
+class CaseSolution(index_one.Controlled):
     """Result of an integration; its error (m) is one along the curve in fast motion."""
 
     cost: Cost  # of all passes
@@ -95,17 +84,17 @@ def solve_case(case: MassSpring, scheme: str, *, order: int, tolerance: float) -
     cost = Cost()
     reasons: list[PathStopped | None] = []
 
-    def run(allowed: float) -> TimePath:
+    def run(allowed: float) -> index_one.TimePath:
         path, reason = SCHEMES[scheme](case, order, allowed, cost)
         reasons.append(reason)
         return path
 
     speed = FAST_SPEED * case.parameters.V_c
-    found = integrate_controlled(run, case.residual, tolerance, speed=speed)
+    found = index_one.integrate_controlled(run, case.residual, tolerance, speed=speed)
     return CaseSolution(**vars(found), cost=cost, stopped=reasons[-1])
 
 
-Integrated = tuple[TimePath, PathStopped | None]
+Integrated = tuple[index_one.TimePath, PathStopped | None]
 """Solution, and why it ended before its time."""
 
 
@@ -113,22 +102,24 @@ def explicit_scheme(case: MassSpring, order: int, tolerance: float, cost: Cost) 
     """The paper's scheme, explicit in time."""
     p, rest = case.parameters, np.zeros(case.size)
     how: dict[str, Any] = {"order": order, "tolerance": tolerance, "speed": FAST_SPEED * p.V_c}
-    steps = integrate_explicitly(case.residual, rest, rest, (0.0, p.t_end), cost=cost, **how)
+    steps = index_one.integrate_explicitly(
+        case.residual, rest, rest, (0.0, p.t_end), cost=cost, **how
+    )
     pieces, reason = collect_steps(steps)
-    return join_series(pieces), reason
+    return index_one.join_series(pieces), reason
 
 
 def implicit_scheme(case: MassSpring, order: int, tolerance: float, cost: Cost) -> Integrated:
     """Backward differences of order 1 and 2, each step a path of its own."""
     p, rest = case.parameters, np.zeros(case.size)
-    u, v = find_consistent_state(case.residual, rest, rest, 0.0, tolerance, 0.0)
-    equations = FunctionRateEquations(case.residual, p.t_end, p.V_c)
+    u, v = index_one.find_consistent_state(case.residual, rest, rest, 0.0, tolerance, 0.0)
+    equations = index_one.FunctionRateEquations(case.residual, p.t_end, p.V_c)
     begin = start_memory(0.0, u, v, FIRST_STEP_SHARE * p.t_end)
     settings = Settings(order, Tolerances(tolerance).time_residual, MAX_CASE_STEPS)
     how: dict[str, Any] = {"solver": DenseSolver(), "settings": settings, "cost": cost}
     steps = integrate(equations, begin, p.t_end, stepping=Stepping(p.t_end, tolerance), **how)
     taken, reason = collect_steps(steps)
-    return join_steps(u, v, taken, tolerance, p.V_c), reason
+    return index_one.join_steps(u, v, taken, tolerance, p.V_c), reason
 
 
 SCHEMES = {"taylor": explicit_scheme, "implicit": implicit_scheme}
@@ -301,7 +292,7 @@ class CaseReport:
     error_at_equal_times: float | None  # largest difference at the time of a row (m)
     seconds: float
     events: tuple[CaseEvent, ...] = ()
-    unstable: tuple[Instability, ...] = ()  # stretches with no equilibrium to follow
+    unstable: tuple[index_one.Instability, ...] = ()  # stretches with no equilibrium to follow
     files: tuple[Path, ...] = ()
 
     @property
@@ -422,7 +413,7 @@ def run_case(
     seconds = time.perf_counter() - begin
     rows = table_rows(case, solution, np.linspace(0.0, solution.path.knots[-1], WRITTEN_ROWS))
     events = tuple(events_of(case, solution.path.polynomials()))
-    unstable = tuple(instabilities(case.residual, solution.path))
+    unstable = tuple(index_one.instabilities(case.residual, solution.path))
     error = equal = None
     with suppress(ArithmeticError, ValueError):  # where scipy finds no way through either
         u = rows[:, 1 : 1 + case.size]

@@ -9,21 +9,17 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from anmstrip.arrays import Array, Index
-from anmstrip.fem.sampling import (
-    ContactOperator,
-    contact_points,
-    contact_shares,
-    join_points,
-    patches,
-    shape_of,
-    unit_grid,
-)
+from anmstrip.fem import sampling
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.shell import eigencurvature, moduli
-from anmstrip.results.strip_state import StripState, stations
+from anmstrip.results.strip_state import StripState
 from anmstrip.results.vtk import FIELDS, TRIANGLE_LATTICE, facing
 
-OUTPUT_POINTS = {"line": unit_grid(4), "quad": unit_grid(4, 4), "triangle": TRIANGLE_LATTICE / 5}
+OUTPUT_POINTS = {
+    "line": sampling.unit_grid(4),
+    "quad": sampling.unit_grid(4, 4),
+    "triangle": TRIANGLE_LATTICE / 5,
+}
 """Points of the output on each kind of element: cubic patches, quintic triangles."""
 
 
@@ -52,10 +48,10 @@ class FieldSampler:
 
     def __init__(self, strip: Strip, local: Array | None = None) -> None:
         self.strip = strip
-        self.kind, self.kinematics = shape_of(strip), strip.kinematics
+        self.kind, self.kinematics = sampling.shape_of(strip), strip.kinematics
         self.local = OUTPUT_POINTS[self.kind] if local is None else local
         self.lines = 4 if self.kind == "line" and local is None else 1
-        patch = patches(strip, self.local)
+        patch = sampling.patches(strip, self.local)
         self.own = patch.cells
         flat, count = self.own.ravel(), np.bincount(self.own.ravel())
         self.mean = csr_matrix((1.0 / count[flat], (flat, np.arange(len(flat)))))
@@ -73,7 +69,7 @@ class FieldSampler:
             self.reference[1] = np.tile((across / 3.0 - 0.5) * strip.width, count)
         if local is None:
             self.cells = facing(self.reference, self.cells)
-        apart = self.local[:, :, None] - contact_points(strip)[:, None]
+        apart = self.local[:, :, None] - sampling.contact_points(strip)[:, None]
         self.nearest = (apart**2).sum(axis=0).argmin(axis=1)
 
     def sample(self, state: StripState) -> dict[str, Array]:
@@ -118,8 +114,8 @@ class FieldSampler:
         Linear interpolation, and means around the points of output, by which what acts on the
         strip per area keeps its integral; shapes (points of output, contact points).
         """
-        own = contact_points(self.strip)
-        around = self._hats(self.local, own).T * contact_shares(self.strip)
+        own = sampling.contact_points(self.strip)
+        around = self._hats(self.local, own).T * sampling.contact_shares(self.strip)
         return self._hats(own, self.local), around / around.sum(axis=1)[:, None]
 
     def _hats(self, nodes: Array, points: Array) -> Array:
@@ -209,7 +205,7 @@ class FieldSampler:
         """
         x, *y = self.strip.basis.mapping.F(self.local)
         sizes, weights = self.strip.cell_sizes, np.ones(x.size)
-        places, number = stations(self.strip, x.ravel())
+        places, number = sampling.stations(self.strip, x.ravel())
         if self.kind == "quad":  # those that integrate polynomials across an element
             inside = (y[0] - y[0].min(axis=1, keepdims=True)) / sizes[1][:, None]
             across, line = np.unique(np.round(inside.ravel(), 6), return_inverse=True)
@@ -292,7 +288,7 @@ class FieldSampler:
             places = np.hstack([corners, middles])
             at, there, to = (_monomials(p, highest) for p in (basis.X, places, self.local))
             coefficients = np.linalg.lstsq(root[:, None] * at, np.diag(root), rcond=None)[0]
-            numbers, _ = join_points(basis.mapping.F(places), self.strip)
+            numbers, _ = sampling.join_points(basis.mapping.F(places), self.strip)
             found.append((there @ coefficients, to @ np.linalg.inv(there), numbers))
         return found
 
@@ -351,10 +347,10 @@ class Profile:
     """
 
     def __init__(self, strip: Strip) -> None:
-        self.fields = FieldSampler(strip, contact_points(strip))
-        self.areas = ContactOperator(strip).weights
+        self.fields = FieldSampler(strip, sampling.contact_points(strip))
+        self.areas = sampling.ContactOperator(strip).weights
         x = self.fields.reference[0]
-        _, self.station = stations(strip, x - x.min())
+        _, self.station = sampling.stations(strip, x - x.min())
 
     def columns(self, state: StripState) -> dict[str, Array]:
         """Return the columns of the table, with a value for every station from the entry on.

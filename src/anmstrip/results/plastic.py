@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from anmstrip.arrays import Array
+from anmstrip.fem.sampling import stations
 from anmstrip.mechanics.plasticity import VON_MISES, Plasticity
 from anmstrip.mechanics.shell import moduli, weaken
-from anmstrip.results.strip_state import StripState, stations
+from anmstrip.results.strip_state import StripState
 
 PLASTIC_COLUMNS = (
     "residual_curvature", "elongation", "plastic_share", "plastic_strain", "yield_power",

@@ -133,14 +133,10 @@ class StripState:
             passing = (speed + self.controls["strip.drift"]) / self.controls["strip.growth"]
         return moving + self.plan.carried(self.full, passing)
 
-    def _effect(self, name: str) -> Any:
-        """Return an effect by its name, None if it does not act."""
-        return next((e for e in self.plan.model.effects if e.name == name), None)
-
     @property
     def bends(self) -> bool:
         """Whether the strip resists bending."""
-        return self._effect("bending") is not None
+        return self.plan.model.effect("bending") is not None
 
     @property
     def friction(self) -> Friction | None:
@@ -150,12 +146,12 @@ class StripState:
     @property
     def membrane(self) -> Membrane | None:
         """Membrane of the strip; a plate has none."""
-        return self._effect("membrane")
+        return self.plan.model.effect("membrane")
 
     @property
     def plasticity(self) -> Plasticity | None:
         """Plastic strains, of strip that can yield."""
-        return self._effect("plasticity")
+        return self.plan.model.effect("plasticity")
 
     @cached_property
     def principal_forces(self) -> Array:
@@ -206,7 +202,7 @@ class StripState:
         strip = self.plan.model.strip
         edge = strip.edges[name]
         given = self.controls.get(f"{name}.force", np.zeros(3)) * edge.length
-        if (pull := self._effect(f"tension on {name}")) is not None:  # follows the strip
+        if (pull := self.plan.model.effect(f"tension on {name}")) is not None:  # follows the strip
             stress = pull.law(pull.operator.apply(self.full), None, self.controls)
             given = given - strip.kinematics.embed(stress[:, 0] @ pull.operator.weights)
         if name == "entry" and 0 not in strip.kinematics.components:  # what holds a plate along
@@ -332,7 +328,7 @@ class StripState:
     @property
     def contact(self) -> Contact | None:
         """Normal contact with all rollers."""
-        contact = self._effect("contact")
+        contact = self.plan.model.effect("contact")
         return contact if contact is not None and contact.by_roller else None
 
     @cached_property
@@ -371,7 +367,7 @@ class StripState:
         model = self.plan.model
         if name not in model.turning:
             return float(self.controls[f"rollers.{name}.surface_speed"]), 0.0
-        drives = self._effect("drives")
+        drives = self.plan.model.effect("drives")
         if drives is None or self.velocity is None:
             return 0.0, 0.0
         speeds, number = drives.operator.apply(self.velocity)[0], model.turning.index(name)
@@ -483,17 +479,6 @@ class StripState:
         begin, end = strip.span
         area = np.asarray(length)[..., None] / (end - begin) * strip.areas.sum()
         return np.asarray(strip.mass * area * gravity)
-
-
-def stations(strip: Strip, x: Array) -> tuple[Array, Index]:
-    """Return places (m) along the strip, ascending, and the number of each x (m) among them.
-
-    Of triangles, whose points do not stand in lines, places are as far apart as an element is long.
-    """
-    sizes, triangles = strip.cell_sizes[0], shape_of(strip) == "triangle"
-    unit = float(sizes.mean() if triangles else 1e-6 * sizes.min())
-    places, number = np.unique(np.round(x / unit), return_inverse=True)
-    return places * unit, number
 
 
 def turn_upwards(strip: Strip, way: Array) -> Array:

@@ -491,7 +491,7 @@ def steady_stages(
     closed = threading is not None and threading.closed
     for stage in stages:
         key, given = f"stages.{stage.name}", stage.strip.speed
-        tension = stage.edges["entry"].tension if "entry" in stage.edges else None
+        tension = stage.edge("entry").tension
         speed = speed if given is None else given
         if not stage.steady:
             if given is not None:

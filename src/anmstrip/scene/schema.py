@@ -35,7 +35,6 @@ from anmstrip.scene.tables import (
     STAGE_KEYS,
     THREADING,
     ContactSpec,
-    EdgeControl,
     EdgeSpec,
     FrictionSpec,
     MaterialSpec,
@@ -218,6 +217,11 @@ class SceneSpec(Table):
         names = [each.name for each in course]
         before = course[: names.index(stage.name)] if stage.name in names else course
         return *before, stage
+
+    def with_values(self, **tables: dict[str, object]) -> Self:
+        """Return the scene with other values of keys in some of its tables, unchecked."""
+        copies = {name: getattr(self, name).model_copy(update=new) for name, new in tables.items()}
+        return self.model_copy(update=copies)
 
     @property
     def ends(self) -> list[float]:
@@ -465,7 +469,7 @@ def with_entries_released(stages: Iterable[StageSpec]) -> Iterator[StageSpec]:
     """
     pulled = False
     for stage in stages:
-        entry = stage.edges.get("entry", EdgeControl())
+        entry = stage.edge("entry")
         if stage.steady:
             pulled = stage.strip.speed is None and (pulled or entry.tension is not None)
         elif pulled and stage.friction:

@@ -685,6 +685,14 @@ class StageSpec(Table):
         """Rollers that the stage moves, and to where from where they began (m)."""
         return {name: c.move for name, c in self.rollers.items() if c.move is not None}
 
+    def edge(self, name: str) -> EdgeControl:
+        """Return the controls of an edge, of which the stage may give none."""
+        return self.edges.get(name, EdgeControl())
+
+    def roller(self, name: str) -> RollerControl:
+        """Return the controls of a roller, of which the stage may give none."""
+        return self.rollers.get(name, RollerControl())
+
     @model_validator(mode="before")
     @classmethod
     def _gather_edges(cls, given: Any) -> Any:

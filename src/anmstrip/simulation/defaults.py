@@ -87,15 +87,13 @@ def with_defaults(scene: SceneSpec) -> SceneSpec:
     """Return the scene with what it has left open, and pressed rollers at the strip."""
     scene = scene.model_copy(update={"rollers": closed_rollers(scene)})
     if scene.strip.feed is None:
-        strip = scene.strip.model_copy(update={"feed": is_fed_by_default(scene)})
-        scene = scene.model_copy(update={"strip": strip})
+        scene = scene.with_values(strip={"feed": is_fed_by_default(scene)})
     if loose_across(scene):
         entry = scene.edges["entry"].model_copy(update={"centred": True})
         scene = scene.model_copy(update={"edges": {**scene.edges, "entry": entry}})
     if scene.friction is None or scene.friction.speed is not None:
         return scene
-    law = scene.friction.model_copy(update={"speed": regularising_speed(scene)})
-    return scene.model_copy(update={"friction": law})
+    return scene.with_values(friction={"speed": regularising_speed(scene)})
 
 
 def closed_rollers(scene: SceneSpec) -> tuple[RollerSpec, ...]:
@@ -449,13 +447,12 @@ def load_of_moves(scene: SceneSpec) -> float:
 
 def carried(stage: StageSpec, name: str, place: Array, velocity: Array) -> tuple[Array, Array]:
     """Return where an end has been moved to (m) at the end of a stage, and its velocity there."""
-    edge = stage.edges.get(name)
-    if edge is not None and edge.move is not None:
+    edge, after = stage.edge(name), velocity
+    if edge.move is not None:
         return np.array(edge.move), np.zeros(3)
-    after = velocity
-    if edge is not None and edge.velocity is not None:
+    if edge.velocity is not None:
         after = np.array(edge.velocity)
-    elif edge is not None and edge.speed is not None:
+    elif edge.speed is not None:
         after = np.array([edge.speed, 0.0, 0.0])
     return place + 0.5 * stage.duration * (velocity + after), after
 

@@ -20,17 +20,8 @@ from anmstrip.arrays import Array
 from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError
 from anmstrip.scene.tables import FieldSpec
+from anmstrip.simulation import meshing
 from anmstrip.simulation.defaults import boundary_layer, open_stages, thermal_growth
-from anmstrip.simulation.meshing import (
-    Layout,
-    Loads,
-    LooseRoller,
-    fine_beside,
-    lengths_of_runs,
-    taken_up,
-    threaded_around,
-    wanted_size,
-)
 from anmstrip.simulation.threading import Thread
 
 RAMP_SHARE = 0.25
@@ -66,17 +57,17 @@ class Growth:
     x: Array
     shapes: Array
     temperatures: tuple[FieldSpec, ...] = ()
-    others: tuple[LooseRoller, ...] = ()
+    others: tuple[meshing.LooseRoller, ...] = ()
 
     @classmethod
-    def of(cls, layout: Layout, x: Array) -> Growth:
+    def of(cls, layout: meshing.Layout, x: Array) -> Growth:
         """Return the shapes on given lines of nodes, away from where the strip lifts off."""
         scene, thread, layer = layout.scene, layout.thread, boundary_layer(layout.scene)
         assert thread is not None
         ends = [[x[0], x[0]]]
         for roller in thread.rollers:
             first, last = np.transpose([each[roller.name] for each in layout.arcs])
-            beside = fine_beside(layer, wanted_size(scene, roller.radius, layer))
+            beside = meshing.fine_beside(layer, meshing.wanted_size(scene, roller.radius, layer))
             ends.append([float(first.min()) - beside, float(last.max()) + beside])
         ends.append([x[-1], x[-1]])
         shapes = []
@@ -104,7 +95,7 @@ class Growth:
         self,
         centres: Mapping[str, Array],
         before: Array,
-        loads: Loads | None = None,
+        loads: meshing.Loads | None = None,
         temperature: FieldSpec | None = None,
         gathered: Array | float = 0.0,
     ) -> Array:
@@ -134,7 +125,7 @@ class Growth:
         self,
         centres: Mapping[str, Array],
         before: Array,
-        loads: Loads | None,
+        loads: meshing.Loads | None,
         heat: Array,
         gathered: Array | float,
     ) -> Array:
@@ -143,10 +134,10 @@ class Growth:
         moved = [replace(r, centre=tuple(map(float, centres[r.name]))) for r in self.rollers]
         with suppress(NotTouchedError, NoTangentError):
             now = replace(thread, rollers=moved[: len(thread.rollers)], given=thread.length)
-            runs = lengths_of_runs(*threaded_around(thread, self.others, moved))
-            longer = runs - lengths_of_runs(thread)
+            runs = meshing.lengths_of_runs(*meshing.threaded_around(thread, self.others, moved))
+            longer = runs - meshing.lengths_of_runs(thread)
             if loads is not None:
-                longer += taken_up(now, loads, runs)
+                longer += meshing.taken_up(now, loads, runs)
             longer /= thread.stretches.along[0]  # fed: uniform
             longer += gathered
             longer *= 1.0 + trapezoid(shapes.T * heat, self.x)
@@ -188,7 +179,7 @@ class Hanging:
 
     growth: Growth
     centres: Mapping[str, Array]
-    loads: Loads
+    loads: meshing.Loads
     gravity: float
     thickness: float
     width: float

@@ -12,18 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anmstrip.arrays import Array
+from anmstrip.continuation import newton
 from anmstrip.continuation.follow import Pace, PathSolver, PathStep, Relaxation, Settings, follow
-from anmstrip.continuation.newton import (
-    ROUND_OFF_MARGIN,
-    SLOW_CONVERGENCE_RATIO,
-    TANGENT_REUSE_RATIO,
-    Corrected,
-    Corrections,
-    Newton,
-    NewtonPath,
-    solve_by_narrowing,
-    straight_step,
-)
 from anmstrip.continuation.path import (
     LARGEST_PATH_IMBALANCE,
     NEGLIGIBLE_SHARE,
@@ -193,7 +183,7 @@ class March:
     def __init__(self, assembly: Assembly) -> None:
         self.assembly, self.scene = assembly, assembly.scene
         series = assembly.scene.solver.method == "series"
-        self.follow: PathSolver = follow if series else NewtonPath(own=False)
+        self.follow: PathSolver = follow if series else newton.NewtonPath(own=False)
         self.tolerances = Tolerances(assembly.scene.solver.tolerance)
         self.course, self.solver = Course(assembly), SparseSolver()
         self.cost = Cost(most=assembly.scene.solver.max_tangents)
@@ -295,10 +285,10 @@ class March:
             *_, last = self.follow(equations.with_wider_laws(widest), u, settings=few, **self.ways)
             u = last.branch.end[0]
             aim = self.tolerances.tolerance
-            settings = Corrections(aim, MAX_GUESS_CORRECTIONS, growth=GUESS_GROWTH)
+            settings = newton.Corrections(aim, MAX_GUESS_CORRECTIONS, growth=GUESS_GROWTH)
             for width in narrower:
                 laws = equations.with_wider_laws(width)
-                found = Newton(laws, self.solver, settings, self.cost).corrected(u, 1.0)
+                found = newton.Newton(laws, self.solver, settings, self.cost).corrected(u, 1.0)
                 if found is None:
                     return None
                 u = found.u
@@ -321,7 +311,8 @@ class March:
         if found is None:
             return False
         self.full, self.velocity = plan.supports.full(found, 0.0), np.zeros_like(self.velocity)
-        self.course.stand_still()
+        values = self.course.values
+        values |= {key: np.array(0.0) for key in values if key.endswith("speed")}  # all stands
         return True
 
     @property
@@ -415,14 +406,14 @@ class March:
         of 10 mm by seven times that share.  Where corners of friction turn the iteration back and
         forth, each correction is shortened until it helps.
         """
-        floor = ROUND_OFF_MARGIN * equations.round_off(u, 1.0)
+        floor = newton.ROUND_OFF_MARGIN * equations.round_off(u, 1.0)
         if imbalance <= max(floor, NEGLIGIBLE_IMBALANCE):
             return u, imbalance
-        begin, kept, slow = imbalance, TANGENT_REUSE_RATIO, SLOW_CONVERGENCE_RATIO
-        patient = Corrections(floor, MAX_LAST_CORRECTIONS, slow, kept=kept)
+        begin, kept, slow = imbalance, newton.TANGENT_REUSE_RATIO, newton.SLOW_CONVERGENCE_RATIO
+        patient = newton.Corrections(floor, MAX_LAST_CORRECTIONS, slow, kept=kept)
         quick = replace(patient, uncounted=0.0, least=1, helpful=slow, near=np.inf)
         for aim in (quick, patient):
-            found = Newton(equations, self.solver, aim, self.cost).corrected(u, 1.0)
+            found = newton.Newton(equations, self.solver, aim, self.cost).corrected(u, 1.0)
             if found is not None and found.imbalance < imbalance:
                 u, imbalance = found.u, found.imbalance
             if imbalance < LAST_REDUCTION * begin:
@@ -439,8 +430,8 @@ class March:
         laws = equations.smoother(BALANCING_FRICTION)
         if laws is None:
             return None
-        aim = Corrections(tolerance, MAX_LAST_CORRECTIONS, near=np.inf)
-        found = Newton(laws[1], self.solver, aim, self.cost).corrected(u, 0.0)
+        aim = newton.Corrections(tolerance, MAX_LAST_CORRECTIONS, near=np.inf)
+        found = newton.Newton(laws[1], self.solver, aim, self.cost).corrected(u, 0.0)
         if found is None:
             return None
         order, few = self.assembly.order, MAX_LAST_STATES
@@ -472,7 +463,7 @@ class March:
             stopped = reason
         found = self._narrowed(equations, u, pace.control, settings, stopped)
         if found is not None:
-            yield straight_step(u, pace.control, found)
+            yield newton.straight_step(u, pace.control, found)
             return
         if stopped.outcome is Outcome.NOT_ENDED:
             self.pace = replace(pace, taken=pace.taken + 1)
@@ -490,7 +481,7 @@ class March:
         control: float,
         settings: Settings,
         stopped: PathStopped,
-    ) -> Corrected | None:
+    ) -> newton.Corrected | None:
         """Stationary state at the end of a stage by way of smoother laws, None if there is none."""
         few = replace(settings, max_steps=MAX_STATES, give_way=False, rational=True)
         aim = settings.tolerance
@@ -500,7 +491,7 @@ class March:
             return last
 
         given: dict[str, Any] = {"tolerance": aim, "stopped": stopped, **self.ways}
-        return solve_by_narrowing(equations, u, control, path, **given)
+        return newton.solve_by_narrowing(equations, u, control, path, **given)
 
     def _start(self, plan: StageProblem) -> tuple[Array, Equilibrium]:
         """First point of a rate-free path, and its equations."""
@@ -556,10 +547,10 @@ class March:
         what each of them makes its way longer: this is a path along the rollers, not straight.
         """
         aim = self.tolerances.tolerance
-        settings = Corrections(
+        settings = newton.Corrections(
             aim, MAX_GUESS_CORRECTIONS, growth=GUESS_GROWTH, near=SLIDING_IMBALANCE
         )
-        found = Newton(equations, self.solver, settings, self.cost).corrected(guess, 0.0)
+        found = newton.Newton(equations, self.solver, settings, self.cost).corrected(guess, 0.0)
         if found is None:
             return None
         aim = max(aim, equations.round_off(found.u, 0.0))
@@ -571,7 +562,9 @@ class March:
             return last.branch.end[0]
         except PathStopped:
             settings = replace(settings, near=0.0)
-            found = Newton(equations, self.solver, settings, self.cost).corrected(found.u, 0.0)
+            found = newton.Newton(equations, self.solver, settings, self.cost).corrected(
+                found.u, 0.0
+            )
             return None if found is None else found.u
 
     def _in_time(self, plan: StageProblem, settings: Settings) -> Iterator[Step]:
@@ -725,9 +718,7 @@ def imperfection_of(scene: SceneSpec) -> Array:
 
 def _perfect(scene: SceneSpec) -> State:
     """Return the perfect and elastic strip at the end of the first stage."""
-    strip = scene.strip.model_copy(update={"imperfection": None})
-    material = scene.material.model_copy(update={"plasticity": None})
-    perfect = scene.model_copy(update={"strip": strip, "material": material})
+    perfect = scene.with_values(strip={"imperfection": None}, material={"plasticity": None})
     march = March(Assembly(perfect))
     plan = march.planned(perfect.course[0].model_copy(update={"friction": False}), None)
     try:

@@ -20,7 +20,7 @@ from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError, supported_catenary
 from anmstrip.scene.checks import PARALLEL_COSINE
 from anmstrip.scene.schema import SceneSpec
-from anmstrip.scene.tables import ENDS, THREADING, RollerControl, StageSpec
+from anmstrip.scene.tables import ENDS, THREADING, StageSpec
 from anmstrip.simulation.defaults import (
     EdgeCurl,
     bending_stiffness,
@@ -432,14 +432,12 @@ class Layout:
         """
         scene, factor = self.scene, max(1.0, mesh_density(self.scene))
         while True:
-            strip = scene.strip.model_copy(update={"finer": factor})
-            other = scene.model_copy(update={"strip": strip})
-            layout = replace(self, scene=other)
+            layout = replace(self, scene=scene.with_values(strip={"finer": factor}))
             xs, across = layout.by_default(), len(layout.lines_across) - 1
             shortest = float(np.diff(xs).min())
             if shortest <= longest or factor >= MAX_FINER:
-                across = 1 if strip.kinematics == "section" else across
-                unknowns = len(xs) * unknowns_per_line(other, across)
+                across = 1 if scene.strip.kinematics == "section" else across
+                unknowns = len(xs) * unknowns_per_line(scene, across)
                 return Refinement(factor, unknowns, (len(xs) - 1) * across)
             step = 10.0 ** (np.floor(np.log10(factor)) - 1.0)
             wanted = factor * min(shortest / longest, MAX_FINER_STEP)
@@ -582,7 +580,7 @@ class Layout:
         found = {THREADING: (held, held)}
         for stage, nips in zip(self.scene.stages, self.nips[1:], strict=True):
             before, held, bent = dict(speeds), held.copy(), 0.0 * held
-            given = {r.name: surface_speed(stage.rollers.get(r.name), r) for r in self.rollers}
+            given = {r.name: surface_speed(stage, r) for r in self.rollers}
             speeds |= {key: v for key, v in given.items() if key in speeds and v is not None}
             pairs = [pair for nip in nips for pair in (nip.names, nip.names[::-1])]
             brought = {
@@ -720,15 +718,14 @@ class Layout:
         held = {edge for edge, spec in scene.edges.items() if spec.fixed}
         ways = []
         for edge in held - scene.released:
-            controls = [stage.edges.get(edge) for stage in scene.stages]
-            ways.append(_travel(scene, [None if c is None else c.signed_speed for c in controls]))
+            ways.append(_travel(scene, [s.edge(edge).signed_speed for s in scene.stages]))
         if (not held or scene.released) and not any(map(any, ways)):
             drives = {roller.drive for roller in scene.rollers}
             if "torque" in drives and "speed" not in drives:
                 return np.inf, np.inf
             for roller in self.rollers:
                 sense = carrying_sense(roller, self.thread) * roller.sense
-                own = [surface_speed(s.rollers.get(roller.name), roller) for s in scene.stages]
+                own = [surface_speed(stage, roller) for stage in scene.stages]
                 ways.append(_travel(scene, [None if s is None else sense * s for s in own]))
         return max((b for b, _ in ways), default=0.0), max((a for _, a in ways), default=0.0)
 
@@ -1192,10 +1189,9 @@ def carrying_sense(roller: Roller, thread: Thread | None) -> float:
     return float(forwards * sense)
 
 
-def surface_speed(control: RollerControl | None, roller: Roller) -> float | None:
+def surface_speed(stage: StageSpec, roller: Roller) -> float | None:
     """Surface speed (m/s, in the roller's sense) that a stage ends with, None if it stays."""
-    if control is None:
-        return None
+    control = stage.roller(roller.name)
     if control.angular_speed is None:
         return control.surface_speed
     return roller.sense * roller.radius * control.angular_speed

@@ -260,7 +260,7 @@ class Course:
         for each in self.assembly.scene.up_to(stage):
             if each.steady and each.strip.speed is not None:
                 given = "strip.speed"
-            elif each.steady and "entry" in each.edges and each.edges["entry"].tension is not None:
+            elif each.steady and each.edge("entry").tension is not None:
                 given = "entry.tension"
         return given == "entry.tension"
 
@@ -273,7 +273,7 @@ class Course:
         scene = self.assembly.scene
         known = stage.steady and any(each.name == stage.name for each in scene.course)
         stages = scene.up_to(stage) if known else (stage,)
-        asked = (surface_speed(each.rollers.get(roller.name), roller) for each in reversed(stages))
+        asked = (surface_speed(each, roller) for each in reversed(stages))
         return next((speed for speed in asked if speed is not None), None)
 
     def _pull(self, full: Array | None) -> Array:
@@ -323,10 +323,6 @@ class Course:
         self.released.discard("entry")
         for kind in ("force", "uneven_force"):
             self.values.pop(f"entry.{kind}", None)
-
-    def stand_still(self) -> None:
-        """Let the strip and all rollers begin the next stage at rest."""
-        self.values |= {key: np.array(0.0) for key in self.values if key.endswith("speed")}
 
     def hold(self, name: str, full: Array) -> None:
         """Hold an edge where it is in a state, (unknowns,), as far as it is held."""
@@ -432,9 +428,9 @@ class Course:
             end |= self._curls()
         end |= self.assembly.natural(stage.strip)
         for roller in self.assembly.rollers:
-            control, key = stage.rollers.get(roller.name), f"rollers.{roller.name}"
+            key = f"rollers.{roller.name}"
             plain[f"{key}.surface_speed"] = self._asked_speed(stage, roller)
-            plain[f"{key}.torque"] = control and control.torque
+            plain[f"{key}.torque"] = stage.roller(roller.name).torque
             plain[f"{key}.press"] = self._asked_press(stage, roller.name)
             if roller.name in stage.moves:
                 end[f"{key}.centre"] = np.array(roller.centre) + stage.moves[roller.name]
@@ -449,11 +445,8 @@ class Course:
 
     def _asked_press(self, stage: StageSpec, name: str) -> float | None:
         """Force (N) with which a stage presses a roller; flat strip is pressed in the first one."""
-        control = stage.rollers.get(name)
-        if control is not None and control.press is not None:
-            return control.press
         first = stage is self.assembly.scene.stages[0]
-        return self.assembly.specs[name].press if first else None
+        return stage.roller(name).press or (self.assembly.specs[name].press if first else None)
 
     def _held(self, stage: StageSpec | None = None) -> dict[str, tuple[str, ...]]:
         """Components that edges hold in a stage; strip that is threaded is pulled at its exit."""
@@ -473,9 +466,8 @@ class Course:
 
     def _destination(self, stage: StageSpec, name: str) -> Array:
         now = self.moved.get(name, np.zeros(3))
-        control = stage.edges.get(name)
-        if control is not None and control.move is not None:
-            return self.begun.get(name, np.zeros(3)) + np.array(control.move, dtype=float)
+        if (move := stage.edge(name).move) is not None:
+            return self.begun.get(name, np.zeros(3)) + np.array(move, dtype=float)
         return now + 0.5 * stage.duration * sum(self._label_speeds(stage, name))
 
     @property
@@ -507,12 +499,12 @@ class Course:
 
     def _speeds(self, stage: StageSpec, name: str) -> tuple[Array, Array]:
         """Velocities of an edge at the beginning and at the end of a stage (m/s)."""
-        begin, control = self.speeds.get(name, np.zeros(3)), stage.edges.get(name)
-        if stage.steady or (control is not None and control.move is not None):
+        begin, control = self.speeds.get(name, np.zeros(3)), stage.edge(name)
+        if stage.steady or control.move is not None:
             return np.zeros(3), np.zeros(3)
-        if control is not None and control.speed is not None:
+        if control.speed is not None:
             return begin, control.speed * self._along(name)
-        if control is None or control.velocity is None:
+        if control.velocity is None:
             return begin, begin
         return begin, np.array(control.velocity, dtype=float)
 
