@@ -82,7 +82,7 @@ class StripState:
     def centre(self, roller: str) -> Array:
         """Return a point of a roller's axis (m), shape (3,)."""
         centre = np.asarray(self.controls[f"rollers.{roller}.centre"])
-        pressed = self._effect("press")
+        pressed = self.plan.model.effect("press")
         return centre if pressed is None else centre + pressed.shift(roller, self.full)
 
     @property
