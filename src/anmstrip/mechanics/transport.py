@@ -63,7 +63,7 @@ class TurningFriction(Friction):
     def _to_rollers(self, sampling: ContactOperator) -> RollerOperator:
         """Return the operator to the points of the strip, and what they see of their rollers."""
         which = np.array(self.numbers)[self.roller.seen_by(sampling.points)]
-        surfaces = RollerUnknowns(which, self.rollers, sampling.unknowns)
+        surfaces = RollerUnknowns(which, self.rollers, sampling.whole.unknowns)
         return self.operator_type(sampling, *self.contact.shifts, surfaces)
 
     @cached_property
