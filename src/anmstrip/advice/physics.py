@@ -537,8 +537,8 @@ def other_ways_to_hold(preview: Preview, end: str, pulled: Pulled, plain: bool) 
     alone hold it, their friction coefficient.
     """
     assembly, high = preview.assembly, pulled.ends[end]
-    for nip in pulled.nips if assembly.rollers[0].half else ():
-        if not assembly.driven_friction(nip):
+    for nip in pulled.nips:
+        if not (presses(assembly, nip) and assembly.driven_friction(nip)):
             continue
         squeeze = holding_squeeze(preview, end, pulled, nip)
         return (
@@ -635,7 +635,7 @@ def largest_tensions(
         order, loads, rises = order[::-1], loads[::-1], -rises[::-1]
     passed, pressed = [roller.name for roller in order], dict[str, list[Nip]]()
     gained = torque_gains(preview, pulled, forth)
-    for nip in pulled.nips if assembly.scene.contact and assembly.rollers[0].half else ():
+    for nip in (nip for nip in pulled.nips if presses(assembly, nip)):
         first = min(nip.names, key=lambda name: [*passed, name].index(name))
         pressed.setdefault(first, []).append(nip)
     pull, weight = pulled.ends[ENDS[0] if forth else ENDS[-1]], pulled.weight
@@ -1392,6 +1392,12 @@ def off_one_roller(force: float, load: float) -> float:
     √(F² + load²/4) ± load/2.
     """
     return float(np.hypot(force, 0.5 * load)) - 0.5 * load
+
+
+def presses(assembly: Assembly, nip: Nip) -> bool:
+    """Whether the rollers of a nip touch the faces of the strip, or a force presses one of them."""
+    given = not set(nip.names).isdisjoint(assembly.pressing)
+    return assembly.scene.contact is not None and bool(nip.first.half or given)
 
 
 def crushes(assembly: Assembly, nip: Nip) -> bool:
