@@ -191,6 +191,11 @@ def test_torques_of_pinch_rolls_hold_what_their_force_lets_them() -> None:
     (*_, last) = states(scene)
     assert last.tension("entry") == pytest.approx(PULL + 2000.0, rel=1e-3)
     assert all(r.torque == pytest.approx(150.0) for r in last.rollers.values())
+    assert not any("turns through" in line for line in warned(scene))
+    for control in both.values():
+        control["torque"] = 260.0  # of 225 N m by the force, and 4.5 by the wrap
+    told = [line for line in warned(Scene.model_validate(tables)) if "turns through" in line]
+    assert len(told) == 2 and "in its nip, which is 2.3e+02 N m" in told[0]
 
 
 @pytest.mark.parametrize(("torque", "pull"), [(20.0, 1780.0), (20.0, 1950.0), (70.0, 1780.0)])

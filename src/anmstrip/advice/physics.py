@@ -1101,13 +1101,13 @@ def torque_beyond_friction(preview: Preview) -> Iterator[str]:
     """Torques that turn a roller through under the strip, since friction cannot take them.
 
     At most (1 − e^(−fθ)) of the larger of its tensions, and e^(fθ) − 1 of the smaller; the mean of
-    both is about what an endless strip has at rest.
+    both is about what an endless strip has at rest.  In a nip, f F besides.
     """
     assembly, thread = preview.assembly, preview.assembly.thread
     pulls = {pulled.stage.name: pulled for pulled in pulled_at_both_ends(preview)}
     held = "exit" in assembly.scene.held_in("x")
     last = {} if thread is None or held else {thread.rollers[-1].name: preview.tension}
-    for stage in assembly.scene.stages:
+    for stage, nips in zip(assembly.scene.stages, assembly.nips[1:], strict=True):
         before, behind = dict[str, float](), dict[str, float]()
         if (pulled := pulls.get(stage.name)) is not None:
             before, behind = (dict(largest_tensions(preview, end, pulled)) for end in ENDS[::-1])
@@ -1122,15 +1122,20 @@ def torque_beyond_friction(preview: Preview) -> Iterator[str]:
             tension = tension if np.isfinite(tension) else preview.tension
             if assembly.closed:  # at rest about the mean of both
                 tension = BELT_MARGIN * 2.0 * preview.tension / (grip + 1.0)
-            most = roller.radius * assembly.strip.width * tension * (grip - 1.0)
+            own = [nip for nip in nips if roller.name in nip.names and presses(assembly, nip)]
+            force = sum(nip_force(assembly, nip, nip.squeeze) for nip in own)
+            most = assembly.strip.width * tension * (grip - 1.0)
+            most += coefficient_on(assembly.scene, assembly.specs[roller.name]) * force
+            most *= roller.radius
             if not 0.0 < most < abs(torque) - assembly.specs[roller.name].bearing:
                 continue
             key = f"stages.{stage.name}.rollers.{roller.name}.torque"
             half = np.copysign(two_digits(0.5 * most, np.floor), torque)
             yield (
                 f"{key} = {torque:g} N m is more than friction can take on a wrap of "
-                f"{np.degrees(preview.turn(roller)):.3g}°, which is {most:.2g} N m under "
-                f"{tension:.3g} N/m: the roller turns through. Try --set {key}={half:g}"
+                f"{np.degrees(preview.turn(roller)):.3g}°{' and in its nip' * bool(own)}, which is "
+                f"{most:.2g} N m under {tension:.3g} N/m: the roller turns through. "
+                f"Try --set {key}={half:g}"
             )
 
 
