@@ -361,6 +361,20 @@ def test_strip_has_to_run_between_them() -> None:
         explain(Scene.model_validate(tables))
 
 
+def test_the_roller_across_has_to_touch_flat_strip() -> None:
+    """The pressed one, which closes onto it, was told to be inside the strip."""
+    tables = copy.deepcopy(FLAT)
+    tables["rollers"][0]["centre"][2] = -0.106
+    with pytest.raises(InputError) as caught:
+        explain(Scene.from_tables(tables, "flat.toml"))
+    (mistake,) = caught.value.mistakes
+    assert mistake.key == "rollers.low.centre" and "which top presses on it" in mistake.expected
+    words = f"rollers.low.{mistake.hint.replace(' ', '')}"
+    scene = Scene.from_tables(tables, "flat.toml", [words])
+    assert scene.rollers[0].centre == (0.0, 0.0, -0.1005)
+    explain(scene)
+
+
 def test_the_force_that_is_told_of_a_gap_can_be_typed() -> None:
     """The run with it ends, and has it."""
     tables = copy.deepcopy(SNUBBER)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anmstrip.arrays import Array
-from anmstrip.errors import InputError
+from anmstrip.errors import InputError, Mistake
 from anmstrip.fem.geometry import KINEMATICS, PLATE, SECTION, Kinematics
 from anmstrip.fem.operators import InternalOperator, Layers, Pattern, upwind_differences
 from anmstrip.fem.sampling import (
@@ -1230,10 +1230,7 @@ def check_geometry(scene: SceneSpec, strip: Strip, rollers: Sequence[Roller]) ->
             expected = f"a radius above 0 all across the strip; it falls to {least:.3g} (m)"
             mistakes.append(scene.mistake(key, value, expected, hint))
         elif scene.threading is None and (gap := flat_gap(strip, roller)) < -1e-12 * spec.radius:
-            key, value = f"rollers.{spec.name}.centre", list(spec.centre)
-            expected = f"a roller outside the flat strip; its surface is {-gap:.4g} m inside"
-            hint = f"move centre at least {-gap:.4g} m away from the strip, or reduce radius"
-            mistakes.append(scene.mistake(key, value, expected, hint))
+            mistakes.append(inside_flat_strip(scene, spec, -gap))
     for name, edge in scene.edges.items():
         if edge.centred and name in strip.edges and middle_node(strip, name) is None:
             expected = "a mesh node in the middle of the edge"
@@ -1249,6 +1246,25 @@ def check_geometry(scene: SceneSpec, strip: Strip, rollers: Sequence[Roller]) ->
                 mistakes.append(scene.mistake(key, True, expected, "clamped = false"))
     if mistakes:
         raise InputError(mistakes)
+
+
+def inside_flat_strip(scene: SceneSpec, spec: RollerSpec, depth: float) -> Mistake:
+    """Return the mistake of a roller that is inside the flat strip by a depth (m).
+
+    One that is pressed has come there, since the one across does not touch the strip.
+    """
+    if spec.press is not None and (partner := pressed_against(scene.rollers, spec)) is not None:
+        (other,) = (each for each in scene.rollers if each.name == partner.name)
+        expected = (
+            f"a roller that touches the flat strip, which {spec.name} presses on it; it is "
+            f"{depth:.4g} m away"
+        )
+        nearer = ", ".join(f"{c:.9g}" for c in other.centre - depth * partner.way + 0.0)
+        given = f"rollers.{other.name}.centre", list(other.centre)
+        return scene.mistake(*given, expected, f"centre = [{nearer}]")
+    expected = f"a roller outside the flat strip; its surface is {depth:.4g} m inside"
+    hint = f"move centre at least {depth:.4g} m away from the strip, or reduce radius"
+    return scene.mistake(f"rollers.{spec.name}.centre", list(spec.centre), expected, hint)
 
 
 def flat_gap(strip: Strip, roller: Roller) -> float:
