@@ -334,6 +334,7 @@ def test_explain_tells_it() -> None:
         ),
         ({"rollers.1.press": None}, "stages.pull.rollers.top.press", "says with what it begins"),
         ({"rollers.1.press": -5.0}, "rollers.top.press", "above 0"),
+        ({"rollers.1.press": "5 kN"}, "rollers.top.press", "a number, without quotes and unit"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_pressed_is_refused(change: dict[str, Any], key: str, expected: str) -> None:
@@ -352,6 +353,8 @@ def test_what_cannot_be_pressed_is_refused(change: dict[str, Any], key: str, exp
     found = {mistake.key: mistake for mistake in caught.value.mistakes}
     assert expected in found[key].expected
     assert found[key].hint
+    if found[key].value == "5 kN":
+        assert found[key].hint == "press = 5000.0"
 
 
 def test_strip_has_to_run_between_them() -> None:

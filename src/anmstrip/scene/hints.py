@@ -17,6 +17,7 @@ UNIT_FACTORS = {
     "s": {"s": 1.0, "ms": 1e-3, "min": 60.0},
     "Pa": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9},
     "N/m": {"N/m": 1.0, "kN/m": 1e3, "N/mm": 1e3},
+    "N": {"N": 1.0, "kN": 1e3},
     "m/s": {"m/s": 1.0, "mm/s": 1e-3, "m/min": 1.0 / 60.0},
     "rad/s": {"rad/s": 1.0, **dict.fromkeys(("rpm", "1/min"), math.pi / 30.0)},
     "N m": {"Nm": 1.0, "kNm": 1e3, "Nmm": 1e-3, "Ncm": 1e-2},
