@@ -63,6 +63,27 @@ STATE = (
         "test_clamps.py",
     ),
     Mutant(
+        "a pressed roller is drawn where it has not shifted",
+        "centre if pressed is None else centre + pressed.shift(roller, self.full)",
+        "centre",
+        "summary",
+        "test_press.py",
+    ),
+    Mutant(
+        "sensitivity to the force of a roller of the other sign",
+        "zip(effect.names, -np.eye(len(effect.names)), strict=True)",
+        "zip(effect.names, np.eye(len(effect.names)), strict=True)",
+        "sensitivities",
+        "test_press.py",
+    ),
+    Mutant(
+        "what presses on a drum counts for its wrap",
+        "nipped = drawn & (self.opposed > self.contact.signorini.faint)",
+        "nipped = drawn & (self.opposed < 0.0)",
+        "rollers",
+        "test_press.py",
+    ),
+    Mutant(
         "clamps that turn",
         "held[strip.edge_unknowns(name, (), [2], ())] = True",
         "pass",
