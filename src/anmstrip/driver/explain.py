@@ -403,6 +403,7 @@ def draw_line(scene: SceneSpec, picture: Path) -> None:
         centre = np.asarray(controls[f"rollers.{roller.name}.centre"])[[0, 2]] + origin
         wrap = f"\n{np.degrees(turns[roller.name]):.4g}°" if roller.name in arcs else ""
         kind = "" if spec.drive == "speed" else f"\n{spec.drive}"
+        kind += "" if spec.press is None else f"\n{spec.press:g} N"
         arc = arcs.get(roller.name, np.zeros((2, 0)))
         caption = roller.name + wrap + kind
         wheels.append(Wheel(centre, roller.radius, roller.name in turning, caption, arc))

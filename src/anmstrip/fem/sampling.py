@@ -310,7 +310,7 @@ class RollerUnknowns(NamedTuple):
 
     @property
     def matrix(self) -> csr_matrix:
-        """What takes them to the points, zero where there is none, shape (points, size)."""
+        """Matrix from them to the points, zero where there is none, shape (points, size)."""
         points = np.flatnonzero(self.which >= 0)
         index, shape = (points, self.which[points]), (len(self.which), self.size)
         return csr_matrix((np.ones(len(points)), index), shape=shape)

@@ -205,7 +205,7 @@ class Contact(PointEffect):
 
     @property
     def shifts(self) -> list[RollerUnknowns]:
-        """What the points see of rollers that are pressed: one entry, if there are any."""
+        """Unknowns of rollers that are pressed, as points see them: one entry, if there are any."""
         if self.pressed is None:
             return []
         numbers = [self.pressed.number(roller.name) for roller in self.roller.members]
