@@ -1070,23 +1070,28 @@ def test_an_accumulator_gives_off_what_its_entry_brings_less(
     assert all(("or a short stage before" in line) == (slows is None) for line in told)
 
 
-@pytest.mark.parametrize(("draw", "slips"), [(1.003, True), (1.0003, False)])
-def test_a_draw_beyond_what_friction_holds_in_a_steady_line_is_told(draw, slips) -> None:
-    """Film of 225 kN/m between two rollers that hold 50 N/m e^(fθ) each: 80 N/m."""
+def film(speeds: dict[str, float], stage: dict[str, Any]) -> dict[str, Any]:
+    """Film of 225 kN/m over two rollers with these surface speeds (m/s), stationary."""
     rolls = [
         {"name": name, "radius": 0.2, "centre": [x, 0.0, 0.0], "wrap": "over"}
-        for name, x in (("slow", 0.0), ("fast", 2.0))
+        for name, x in zip(speeds, (0.0, 2.0), strict=True)
     ]
-    speeds = {"slow": {"surface_speed": 2.0}, "fast": {"surface_speed": 2.0 * draw}}
-    tables = {
+    turning = {name: {"surface_speed": speed} for name, speed in speeds.items()}
+    run = {"name": "run", "steady": True, "rollers": turning, "entry": {"tension": 50.0}}
+    return {
         "strip": {"kinematics": "section", "width": 1.5, "thickness": 5e-5},
         "material": {"young": 4.5e9, "poisson": 0.3},
         "friction": {"coefficient": 0.3},
         "threading": {"tension": 50.0, "entry": [-0.2, 0.0, -2.0], "exit": [2.2, 0.0, -2.0]},
         "rollers": rolls,
-        "stages": [{"name": "draw", "steady": True, "rollers": speeds,
-                    "entry": {"tension": 50.0}, "exit": {"tension": 50.0}}],
-    }  # fmt: skip
+        "stages": [run | stage],
+    }
+
+
+@pytest.mark.parametrize(("draw", "slips"), [(1.003, True), (1.0003, False)])
+def test_a_draw_beyond_what_friction_holds_in_a_steady_line_is_told(draw, slips) -> None:
+    """Film of 225 kN/m between two rollers that hold 50 N/m e^(fθ) each: 80 N/m."""
+    tables = film({"slow": 2.0, "fast": 2.0 * draw}, {"exit": {"tension": 50.0}})
     told = [line for line in warnings(preview_of(tables)) if "slips on one of them" in line]
     assert len(told) == slips
     assert all("stretch by 673 N/m, and friction holds 80.1 N/m at most" in line for line in told)
@@ -1097,19 +1102,7 @@ def test_a_draw_beyond_what_friction_holds_in_a_steady_line_is_told(draw, slips)
 
 def test_a_roller_that_turns_against_the_line_may_be_meant() -> None:
     """One of a coater that turns against the web is told as such, and given the web's speed."""
-    rolls = [
-        {"name": name, "radius": 0.2, "centre": [x, 0.0, 0.0], "wrap": "over"}
-        for name, x in (("coat", 0.0), ("pull", 2.0))
-    ]
-    speeds = {"coat": {"surface_speed": -1.5}, "pull": {"surface_speed": 1.0}}
-    tables = {
-        "strip": {"kinematics": "section", "width": 1.5, "thickness": 5e-5},
-        "material": {"young": 4.5e9, "poisson": 0.3},
-        "friction": {"coefficient": 0.3},
-        "threading": {"tension": 50.0, "entry": [-0.2, 0.0, -2.0], "exit": [2.2, 0.0, -2.0]},
-        "rollers": rolls,
-        "stages": [{"name": "run", "steady": True, "rollers": speeds, "entry": {"tension": 50.0}}],
-    }
+    tables = film({"coat": -1.5, "pull": 1.0}, {})
     (told,) = (line for line in warnings(preview_of(tables)) if "slips on one of them" in line)
     assert 'Unless that is meant, try rollers.coat.drive = "idle"' in told
     assert told.endswith("--set stages.run.rollers.coat.surface_speed=1")

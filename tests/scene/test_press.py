@@ -159,6 +159,7 @@ def test_friction_of_the_force_is_the_limit() -> None:
     assert "runs away" not in told[0.8 * limit]
     assert "runs away" not in " ".join(warned(drawn(0.8 * limit, "contact.faces=false")))
     assert "the strip runs away. Try" in told[1.03 * limit]
+    assert "nearly runs away. Try" in " ".join(warned(drawn(0.97 * limit)))
     (key, force) = re.findall(r"--set (rollers\.top\.press)=(\d+)", told[1.03 * limit])[0]
     scene = drawn(1.03 * limit, f"{key}={force}")
     assert "runs away" not in " ".join(warned(scene))
@@ -251,7 +252,8 @@ def test_the_picture_has_it_where_it_is(tmp_path: Path) -> None:
     low, top = points[points[:, 2] < 0.0], points[points[:, 2] > 0.0]
     apart = top[:, 2].mean() - low[:, 2].mean()
     assert apart == pytest.approx((last.centre("top") - last.centre("bottom"))[2], abs=1e-7)
-    law, squeeze = last.contact.signorini if last.contact else None, 0.3 + THICKNESS - apart
+    assert last.contact is not None
+    law, squeeze = last.contact.signorini, 0.3 + THICKNESS - apart
     x = np.linspace(-0.02, 0.02, 20_001)
     borne = np.trapezoid(law(0.5 * (x**2 / 0.15 - squeeze)), x)  # by straight strip
     assert borne == pytest.approx(2.0 * PRESS, rel=0.03)
@@ -357,6 +359,22 @@ def test_what_cannot_be_pressed_is_refused(change: dict[str, Any], key: str, exp
         assert found[key].hint == "press = 5000.0"
 
 
+def test_tandem_pinch_rolls_press_on_the_rollers_below() -> None:
+    """Drawn so far open that their neighbour on the same side is nearer."""
+    tables = copy.deepcopy(FLAT)
+    low, top = tables["rollers"]
+    tables["rollers"] = [
+        {**roller, "name": f"{roller['name']}{k}", "centre": [x, 0.0, z]}
+        for k, x in enumerate((-0.11, 0.11))
+        for roller, z in ((low, -0.1005), (top, 0.2))
+    ]
+    tables["strip"]["kinematics"] = "section"
+    tables["stages"][1]["rollers"] = {f"low{k}": {"surface_speed": 1.0} for k in range(2)}
+    *_, last = states(Scene.model_validate(tables))
+    forces = [last.rollers[f"top{k}"].normal_force for k in range(2)]
+    assert forces == pytest.approx([1500.0, 1500.0], rel=3e-3)
+
+
 def test_strip_has_to_run_between_them() -> None:
     tables = copy.deepcopy(PINCH)
     tables["rollers"][1]["centre"] = [0.0, 0.0, -0.5]
@@ -393,8 +411,8 @@ def test_the_force_that_is_told_of_a_gap_can_be_typed() -> None:
 
 
 def test_a_resumed_run_ends_in_the_same_state(tmp_path: Path) -> None:
-    (*_, whole), run = states(Scene.model_validate(PINCH)), None
     scene = Scene.model_validate(PINCH)
+    *_, whole = states(scene)
     run = scene.run(tmp_path)
     for number, _ in enumerate(run):
         if number == 15:

@@ -622,7 +622,7 @@ def largest_tensions(
     end : {"entry", "exit"}
     pulled : Pulled
     sure : float, optional
-        By which the forces of nips, which are estimates, are divided.
+        By which the forces of nips are divided: estimates, as strip that bends off bears some.
     """
     assembly, forth = preview.assembly, end == ENDS[-1]
     order, places = rollers_in_order(assembly)
@@ -855,17 +855,16 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
                 if not stage.steady and (length := abs(sum_between(assembly, runs, name, fast))):
                     draw = min(draw, apart * stage.duration / length)
                 if draw > bound:
-                    words = unequal_words(preview, stage, (name, speed), (fast, given), taken)
+                    when = f"in stage {stage.name}"
+                    other = typed_speed(assembly, stage, told, given - taken)
+                    if speeds is before:
+                        when = f"as stage {stage.name} begins"
+                        other = "a short stage before, in which rollers come to their speeds"
+                    words = unequal_words(preview, when, (name, speed), (fast, given), taken)
                     if draw <= usual:
                         takes = draw * assembly.strip.tensile_stiffness
                         words += f", since it would stretch by {takes:.3g} N/m, and friction holds "
                         words += f"{bound * assembly.strip.tensile_stiffness:.3g} N/m at most"
-                    other = typed_speed(assembly, stage, told, given - taken)
-                    if speeds is before:
-                        words = words.replace(
-                            f" in stage {stage.name}", f" as stage {stage.name} begins"
-                        )
-                        other = "a short stage before, in which rollers come to their speeds"
                     unless = "Unless that is meant, try" if speed * given < 0.0 else "Try"
                     yield (
                         f'{words}. {unless} rollers.{name}.drive = "idle" and no speed of it, '
@@ -876,11 +875,7 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
 
 
 def unequal_words(
-    preview: Preview,
-    stage: StageSpec,
-    slow: tuple[str, float],
-    fast: tuple[str, float],
-    taken: float,
+    preview: Preview, when: str, slow: tuple[str, float], fast: tuple[str, float], taken: float
 ) -> str:
     """Return that strip slips on one of two rollers, given their names and speeds (m/s).
 
@@ -894,7 +889,7 @@ def unequal_words(
     way = abs(taken)
     moves = f", and rollers that move change the way between them by {way:.3g} m/s" if way else ""
     return (
-        f"roller {name} {how} in stage {stage.name} while {other} goes at {given:g} m/s{moves}: "
+        f"roller {name} {how} {when} while {other} goes at {given:g} m/s{moves}: "
         f"the strip slips on one of them{or_not}"
     )
 
@@ -1437,10 +1432,9 @@ def nip_load(assembly: Assembly, nip: Nip, load: float, sure: float) -> float:
 
     Strip that is laid on one roller by its tension comes off the other one, unless this is pressed.
     """
-    force = nip_force(assembly, nip, nip.squeeze) / assembly.strip.width
-    if not assembly.pressing or set(nip.names).isdisjoint(assembly.pressing):
-        return off_one_roller(force / sure, load)
-    return force
+    force = nip_force(assembly, nip, nip.squeeze) / (sure * assembly.strip.width)
+    given = not set(nip.names).isdisjoint(assembly.pressing)
+    return force if given else off_one_roller(force, load)
 
 
 def nip_friction(assembly: Assembly, nip: Nip, load: float, gained: Mapping[str, float]) -> float:

@@ -159,7 +159,8 @@ class PressedRollers(LawEffect):
     def law(self, x: Any, v: Any, controls: Values) -> Any:
         """Residual (N), minus the forces, shape (1, rollers)."""
         given = [controls[f"rollers.{name}.press"] for name in self.names]
-        return np.stack([x[0] * 0.0 - at_points(given, np.arange(len(given)))])
+        none = x[0] * 0.0  # which is of as many points as the rollers, also of a series
+        return np.stack([none - at_points(given, np.arange(len(given)))])
 
 
 @dataclass(frozen=True)

@@ -758,18 +758,21 @@ class Partner(NamedTuple):
 
 
 def pressed_against(rollers: Rollers, roller: RollerSpec) -> Partner | None:
-    """Return the parallel roller that is nearest to one, None if there is none."""
+    """Return the parallel roller that is nearest to one, None if there is none.
+
+    Rather one that is not pressed itself, as a neighbour on the same side may be.
+    """
     axis = np.asarray(roller.axis) / hypot(*roller.axis)
-    found: Partner | None = None
+    found: dict[tuple[bool, float], Partner] = {}
     for other in rollers:
         way = np.subtract(other.centre, roller.centre)
         way = way - way @ axis * axis
         distance = float(np.linalg.norm(way))
         parallel = abs(axis @ other.axis) > PARALLEL_COSINE * hypot(*other.axis)
         gap = distance - other.radius - roller.radius
-        if other is not roller and parallel and (found is None or gap < found.gap) and distance:
-            found = Partner(other.name, way / distance, gap)
-    return found
+        if parallel and distance:
+            found[other.press is not None, gap] = Partner(other.name, way / distance, gap)
+    return found[min(found)] if found else None
 
 
 def pressed_rollers(rollers: Rollers, stages: Stages) -> Mistakes:

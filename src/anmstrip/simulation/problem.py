@@ -873,12 +873,14 @@ class Assembly:
         for stage, nips in zip([None, *self.scene.stages], self.layout.nips, strict=True):
             controls = {} if stage is None else stage.rollers
             presses |= {name: c.press for name, c in controls.items() if c.press is not None}
-            found.append([])
-            for nip in nips:
-                force = sum(presses.get(name, 0.0) for name in nip.names)
-                given = force and (force, self.signorini, self.strip.width)
-                found[-1].append(nip.pressed(*given) if given else nip)
+            forces = [sum(presses.get(name, 0.0) for name in nip.names) for nip in nips]
+            pairs = zip(nips, forces, strict=True)
+            found.append([self._pressed(nip, force) if force else nip for nip, force in pairs])
         return found
+
+    def _pressed(self, nip: Nip, force: float) -> Nip:
+        """Return a nip as close as straight strip bears a force (N)."""
+        return nip.pressed(force, self.signorini, self.strip.width)
 
     def begun_press(self, name: str) -> float:
         """Return the force (N) with which a roller that is pressed begins.
@@ -889,8 +891,8 @@ class Assembly:
         assert press is not None
         if self.thread is not None:
             return press
-        (nip,) = (nip for nip in self.layout.nips[0] if name in nip.names)
-        return nip.line_load(self.signorini) * self.strip.width
+        nips = (nip for nip in self.layout.nips[0] if name in nip.names)
+        return sum(nip.line_load(self.signorini) for nip in nips) * self.strip.width
 
     def effects(self, stage: StageSpec, controls: Iterable[str]) -> list[Effect]:
         """Return the effects that act in a stage.
