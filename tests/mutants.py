@@ -832,8 +832,8 @@ BUDGET = (
     ),
     Mutant(
         "laws of a stationary state by the other side",
-        "moved[0, free] = factors.solve(equations.sharpening(zero, 0.0))",
-        "moved[0, free] = -factors.solve(equations.sharpening(zero, 0.0))",
+        "moved[0, free] = factors.solve(change)",
+        "moved[0, free] = -factors.solve(change)",
         "errors",
     ),
 )
@@ -970,6 +970,10 @@ YIELD = (
            "taken += 0.0 * self.state.along_end", "summary", "test_dancer.py"),
     Mutant("flow level by the layers that hardly flow", "* (self.stress * rates).sum(axis=0)",
            "", "plasticity"),
+    Mutant("the rate of flow by the stress alone", "slope = self.flow.exponent * np.log(",
+           "slope = np.log(", "plasticity"),
+    Mutant("errors of curls that are not told", 'found["curl"] = largest(',
+           'found["curl"] = 0.0 * largest(', "plasticity"),
     Mutant("power of half of the stress", '"l,klp->p", weights, work)',
            '"l,klp->p", 0.5 * weights, work)', "plasticity"),
     Mutant("power of the middle as that of its fibres", "(1.0 / self.effect.contracting - 1.0)",

@@ -308,14 +308,22 @@ class Equilibrium:
 
         return applied
 
-    def sharpening(self, u: Array, control: float) -> Array:
-        """Derivative of the residual by a share by which laws come nearer to the sharp ones."""
-        state = self.supports.full(u, control), self.full_velocity(u, control)
-        total, values = np.zeros(self.model.unknowns), self.controls.at(control)
-        for effect in self.model.effects:
-            if (change := effect.sharpening(*state, values)) is not None:
-                total[: len(change)] += change
-        return self.supports.gathered(self.model.closed(total))
+    def sharpenings(self, u: Array, control: float) -> list[Array]:
+        """Derivatives of the residual by a share by which laws come nearer to sharp ones.
+
+        Of contact and friction, and of the flow law where there is one.
+        """
+        full, values = self.supports.full(u, control), self.controls.at(control)
+        velocity, effects = self.full_velocity(u, control), self.model.effects
+        laws = [effect.sharpening(full, velocity, values) for effect in effects]
+        flow = [effect.less_rate_dependent(full, values) for effect in effects]
+        kinds, found = [laws, flow] if any(f is not None for f in flow) else [laws], list[Array]()
+        for forces in kinds:
+            total = np.zeros(self.model.unknowns)
+            for force in (force for force in forces if force is not None):
+                total[: len(force)] += force
+            found.append(self.supports.gathered(self.model.closed(total)))
+        return found
 
     def turned(self, u: Array) -> float:
         """Friction that may be wrong for slip that turns round until λ = 1, u, over all forces."""

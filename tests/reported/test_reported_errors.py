@@ -355,6 +355,7 @@ WORDS = {
     "time": "the steps in time",
     "mesh": "the mesh",
     "regularisation": "the laws of contact and friction",
+    "flow": "the flow's dependence on its rate",
 }
 
 

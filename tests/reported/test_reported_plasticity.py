@@ -355,6 +355,47 @@ def test_what_is_left_of_a_bend_is_told_before_it_is_let_go(tmp_path):
     assert ends[0] == ends[1]
 
 
+def ended(tables):
+    """The curl of a scene, the tension at its entry, and the estimated errors."""
+    run = Run(Scene.from_tables(tables, "flow.toml"))
+    run.estimates = True
+    list(run)
+    assert run.outcome.done
+    (curl,) = YieldedStrip.of(run.state).curls.values()
+    return curl, run.state.tension("entry"), run.errors()
+
+
+@pytest.mark.parametrize("name", ["conveyed", "bent", "conveyed, hardening"])
+def test_the_rate_of_flow_costs_what_a_larger_exponent_saves(name):
+    """From n = 51 to the limit, as results at n = 151 tell it by 1/n; within a factor of 1.5."""
+    tables = deepcopy(BENT if name == "bent" else with_keys(strip={"refined": 4e-3}, solver={}))
+    if name.endswith("hardening"):
+        hardening = {"isotropic_hardening": 2e9, "kinematic_hardening": 5e9}
+        tables["material"]["plasticity"] |= hardening
+    tables["solver"].pop("max_tangents", None)
+    ends = []
+    for exponent in (51, 151):
+        tables["material"]["plasticity"]["exponent"] = exponent
+        ends.append(ended(tables))
+    (curl, pull, errors), (sharper, sharper_pull, rest) = ends
+    saved = abs(curl - sharper)
+    assert saved > 0.03 * abs(curl)
+    assert errors["flow"]["curl"] == pytest.approx(saved * 151 / 100, rel=0.5)
+    assert rest["flow"]["curl"] == pytest.approx(saved * 51 / 100, rel=0.5)
+    if name != "bent":
+        saved = abs(pull - sharper_pull)
+        assert errors["flow"]["tension"] == pytest.approx(saved * 151 / 100, rel=0.5)
+
+
+def test_the_mesh_makes_curls_wrong_by_what_shorter_elements_change():
+    """On elements of a quarter of the length, within a factor of 2."""
+    given = with_keys(contact={"onset": 5e-6, "pressure": 1e7})
+    lengths = (1e-2, 2.5e-3)
+    ends = [ended({**given, "strip": {**given["strip"], "refined": r}}) for r in lengths]
+    (curl, _, errors), (finer, *_) = ends
+    assert 0.5 < errors["mesh"]["curl"] / abs(curl - finer) < 2.0
+
+
 def test_cooled_between_held_ends_it_flows(claim):
     """By e = 3 ε_y at the rate r: N = σ_y t (r/ε₀)^(1/n), and ε_p = e (1 − e/2) − N/(E t)."""
     flow = {"uniaxial": True, "reference_rate": 3e-3, "layers": 5}

@@ -30,6 +30,7 @@ from anmstrip.linalg.direct import SingularTangentError
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Controls, Effect, Values
 from anmstrip.results.files import ERROR_WORDS
+from anmstrip.results.plastic import YieldedStrip
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import (
     COLUMN_SHARE,
@@ -52,8 +53,8 @@ if TYPE_CHECKING:
 
 
 Part = dict[str, float]
-"""Largest errors of a ``tension`` (N/m), of a roller's ``force`` (N), of a ``position`` (m), and of
-the ``moment`` (N) of an edge where any is clamped."""
+"""Largest errors of a ``tension`` (N/m), of a roller's ``force`` (N), of a ``position`` (m), of the
+``moment`` (N) of an edge where any is clamped, and of the ``curl`` (1/m) of strip that yields."""
 
 LARGE_MESH_ERROR = 0.1
 """Share of the scene's tension, or of a compression, by which the mesh must not make one wrong
@@ -67,6 +68,7 @@ BUDGET_ADVICE = {
     **dict.fromkeys(("path", "time"), "Try a smaller solver.tolerance."),
     "mesh": "Try shorter elements, and hold the strip in what nothing but friction holds.",
     "regularisation": "Try --set 'friction.regularisation=\"auto\"'",
+    "flow": "Try a larger material.plasticity.exponent.",
 }
 """What makes them smaller."""
 
@@ -121,6 +123,8 @@ def largest_differences(
     }
     if moments := state.clamp_moments(clamped):
         found["moment"] = largest(moments, other.clamp_moments(clamped))
+    if (here := YieldedStrip.of(state)) and (there := YieldedStrip.of(other)):
+        found["curl"] = largest(here.curls, there.curls)
     return found
 
 
@@ -281,7 +285,7 @@ class Budget:
         released : collection of str
             Edges that were let go.
         """
-        exact, self.parts = state, dict.fromkeys(("path", "time", "mesh", "regularisation"))
+        exact, self.parts = state, dict.fromkeys(ERROR_WORDS)
         if memory is None or memory.errors is None:
             if (found := balance_state(frozen_problem(state), state)) is None:
                 self._forget()
@@ -290,11 +294,11 @@ class Budget:
             exact, change = found, found.full - state.full
             self.parts["path"] = largest_differences(state, found, change, self.clamped)
             with suppress(SingularTangentError):
-                self.parts["regularisation"] = self.by_laws(exact)
+                self.parts |= self.by_laws(exact)
         else:
-            in_time, names = self.in_time(state, memory.errors), ("time", "path", "regularisation")
+            names = ("time", "path", "regularisation", "flow")
             with suppress(SingularTangentError):
-                self.parts |= zip(names, in_time, strict=True)
+                self.parts |= zip(names, self.in_time(state, memory.errors), strict=False)
         pressed = self.assembly.pressing
         if any(len(p.names) > 1 and {*pressed}.isdisjoint(p.names) for p in state.passages):
             self.parts["regularisation"] = None  # a nip presses as its law makes of its gap
@@ -327,16 +331,23 @@ class Budget:
         """Forget what a finer mesh told of a state; ``lost`` if it has none of the next one."""
         self.lost, self.error, self.spans, self.bears = lost, None, [], np.inf
 
-    def by_laws(self, state: State) -> Part | None:
-        """Return what regularised laws make of a state that no past belongs to."""
-        if not state.rollers:
-            return None
+    def by_laws(self, state: State) -> dict[str, Part]:
+        """Return what regularised laws, and a flow law with a rate, make of a state without a past.
+
+        To first order in what is wrong with the laws of contact and friction, and in 1/n.
+        """
         free, equations = state.plan.supports.free, frozen_problem(state).equations()
-        zero = np.zeros(len(free))
+        zero, found = np.zeros(len(free)), dict[str, Part]()
+        laws, *flow = equations.sharpenings(zero, 0.0)
+        changes = {"regularisation": [laws] if state.rollers else [], "flow": flow}
+        if not any(changes.values()):
+            return found
         factors = SparseSolver().factorise(equations.recurrence(zero, 0.0, 1).tangent())
-        moved = np.zeros((2, len(state.full)))
-        moved[0, free] = factors.solve(equations.sharpening(zero, 0.0))
-        return self.straight(state, moved, sharper=True)
+        for name, (change,) in ((name, each) for name, each in changes.items() if each):
+            moved = np.zeros((2, len(state.full)))
+            moved[0, free] = factors.solve(change)
+            found[name] = self.straight(state, moved, sharper=change is laws)
+        return found
 
     def straight(self, state: State, moved: Array, sharper: bool = False) -> Part:
         """Return what a change of displacements and velocities makes of what is read off.
@@ -375,7 +386,7 @@ class Budget:
         return {key: float(value / (2.0 * share)) for key, value in found.items()}
 
     def in_time(self, state: State, errors: Errors) -> Iterator[Part]:
-        """Yield what errors by the formulas, by their branches and by the laws make of a state."""
+        """Yield what formulas, their branches, laws, and the rate of flow make wrong of a state."""
         assert state.velocity is not None
         free = state.plan.supports.free
         velocity = AffineVelocity(errors.rate, state.velocity[free], np.zeros(len(free)))
@@ -383,12 +394,12 @@ class Budget:
         zero = np.zeros(len(free))
         factors = SparseSolver().factorise(equations.recurrence(zero, 0.0, 1).tangent())
         resistance, left = equations.resistance(zero, 0.0), equations.residual(zero, 0.0)
-        sharpening = equations.sharpening(zero, 0.0)
-        for number, rest in enumerate((zero, left, sharpening)):
+        laws, *flow = equations.sharpenings(zero, 0.0)
+        for number, rest in enumerate((zero, left, laws, *flow)):
             before, moved = errors.before[number], np.zeros((2, len(state.full)))
             moved[0, free] = factors.solve(resistance(errors.rate * before) + rest)
             moved[1, free] = errors.rate * (moved[0, free] - before)
-            yield self.straight(state, moved, sharper=rest is sharpening)
+            yield self.straight(state, moved, sharper=rest is laws)
 
     def of_solver(self, state: State, memory: Memory | None) -> dict[str, float]:
         """Return what path and steps in time together make of any state, nothing if not known.

@@ -614,11 +614,9 @@ def bend_table(state: State) -> list[str | Table]:
         return []
     bends = layers.rollers()
     if not bends:
-        x, _ = layers.stations
-        left = layers.mean(layers.residual_curvature[0])
-        k = int(np.abs(left).argmax())
-        if np.abs(left[k]) > DISPLAYED_ZERO:
-            where = f"{cell(left[k])} 1/m, {cell(x[k])} m from the entry"
+        left, place = layers.largest_curl
+        if abs(left) > DISPLAYED_ZERO:
+            where = f"{cell(left)} 1/m, {cell(place)} m from the entry"
             parts.append(f"The largest curl that is left in the strip, unloaded: {where}.")
         return parts
     for name, b in bends.items():

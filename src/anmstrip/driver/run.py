@@ -594,13 +594,15 @@ class Run:
         Returns
         -------
         dict
-            ``path``, ``time``, ``mesh`` and ``regularisation``, each with the largest error of a
-            ``tension`` (N/m), of a roller's ``force`` (N) and of a ``position`` (m), where an edge
-            is clamped of a ``moment`` (N), or None: of ``time`` where nothing rubs, of ``path`` and
-            ``mesh`` if it is not known.
+            ``path``, ``time``, ``mesh`` and ``regularisation``, of strip that can yield also
+            ``flow``, each with the largest error of a ``tension`` (N/m), of a roller's ``force``
+            (N) and of a ``position`` (m), where an edge is clamped of a ``moment`` (N), of strip
+            that can yield of a ``curl`` (1/m), or None: of ``time`` where nothing rubs, of
+            ``path`` and ``mesh`` if it is not known.
         """
         known = self.state is not None and self.budget.time == self.state.time
-        return dict.fromkeys(ERROR_WORDS) | (self.budget.parts if known else {})
+        found = dict.fromkeys(ERROR_WORDS) | (self.budget.parts if known else {})
+        return {key: found[key] for key in found if key != "flow" or self.assembly.flow is not None}
 
     @property
     def _missed_wrinkles(self) -> list[str]:

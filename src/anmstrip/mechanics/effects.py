@@ -118,6 +118,10 @@ class Effect:
         """Return the derivative of the residual by that share; None where no law changes."""
         return None
 
+    def less_rate_dependent(self, full: Array, controls: Values) -> Array | None:
+        """Return that by a share that the exponent's inverse loses; None where nothing flows."""
+        return None
+
 
 class LawEffect(Effect):
     """Residual Lᵀ w law(L u, L v, controls): an operator, a pointwise law, and weights.

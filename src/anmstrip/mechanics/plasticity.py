@@ -24,6 +24,8 @@ VON_MISES = {1: np.eye(1), 3: np.array([[1.0, -0.5, 0.0], [-0.5, 1.0, 0.0], [0.0
 """A in σ_eq² = σ · A σ of a fibre's stress, and of (xx, yy, xy) in plane stress."""
 
 
+TINY = float(np.finfo(float).tiny)
+
 ADDED_SHARE = 0.1
 """Of the tolerance, that the flow in one step may make wrong of forces: strip that is pulled into
 flow, unloaded and loaded again between held ends is then wrong by 1.3 times the tolerance after 110
@@ -91,6 +93,10 @@ class FlowLaw:
         speed = np.power(square, self.exponent // 2) * self.rate
         flow = [speed * normal[k] for k in range(normal.shape[0])]
         return np.stack([*flow, speed * square] if self.hardens else flow)
+
+    def level(self, s: Array) -> Array:
+        """Return s_eq, (layers, points), from s."""
+        return np.asarray(np.sqrt(dot(s, self.normal(s))))
 
     def mises(self, stress: Array) -> Array:
         """Return the equivalent stress σ_eq (Pa) of stress, (1 or 3, ...)."""
@@ -217,6 +223,21 @@ class Plasticity(LawEffect):
         counted = controls["yielding"]
         loss = controls.get("strip.weakening")
         return counted if loss is None else counted / (1.0 - loss)
+
+    def less_rate_dependent(self, full: Array, controls: Values) -> Array | None:
+        """Return the derivative of the residual, (unknowns,), by a share that 1/n loses.
+
+        That of the rates, which are in proportion to s_eqⁿ⁻¹, is n ln s_eq times them.
+        """
+        if not self.operator.flows:
+            return None
+        x, share = self.operator.apply(full), self.share(controls)
+        stress, internal = self.stresses(x, controls), self.internal(x)
+        level = self.flow.level(self.flow.driving(stress, internal) * share)
+        slope = self.flow.exponent * np.log(np.maximum(level, TINY))
+        rates = self.flow.rates(stress, internal, share) * slope
+        still = np.zeros((self.operator.strains, self.operator.points))
+        return self.operator.gather(np.vstack([still, -rates.reshape(-1, rates.shape[-1])]))
 
     def law(self, x: Any, v: Any, controls: Values) -> Any:
         """Forces against the derivatives, and rates of the internal variables less their law."""

@@ -37,6 +37,7 @@ ERROR_WORDS = {
     "time": "the steps in time",
     "mesh": "the mesh",
     "regularisation": "the laws of contact and friction",
+    "flow": "the flow's dependence on its rate",
 }
 """Parts of ``errors`` in ``summary.json``, as they are called in reports."""
 
@@ -46,8 +47,10 @@ ERROR_HEADS = {
     "force": "roller's force (N)",
     "position": "position (m)",
     "moment": "moment (N)",
+    "curl": "curl (1/m)",
 }
-"""Kind of error → how it is called, with its unit; moments are those of clamped edges."""
+"""Kind of error → how it is called, with its unit; moments are those of clamped edges, curls of
+strip that can yield those behind rollers, or the largest without any."""
 
 
 def error_rows(errors: Mapping[str, Mapping[str, float] | None]) -> tuple[list[str], list[Any]]:

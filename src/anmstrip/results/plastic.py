@@ -123,9 +123,9 @@ class YieldedStrip:
         """
         controls = self.state.controls
         s = self.flow.driving(self.stress, self.internal) / weaken(1.0, controls, "strip.weakening")
-        level, gaps = self.level(s), np.diff(self.effect.layers.heights)[:, None]
+        level, gaps = self.flow.level(s), np.diff(self.effect.layers.heights)[:, None]
         low, high = np.sort([level[1:], level[:-1]], axis=0)
-        turns = self.level(np.diff(s, axis=1)) > FLOWING_SHARE
+        turns = self.flow.level(np.diff(s, axis=1)) > FLOWING_SHARE
         engineering = self.curvature * self.effect.twice[:, None]
         slope = weaken(self.flow.mises(self.effect.moduli @ engineering), controls)
         slope = np.tile(slope, (len(gaps), 1))
@@ -135,10 +135,6 @@ class YieldedStrip:
         elastic *= np.where(turns, 1.0, begun)
         plastic = np.where(high > FLOWING_SHARE, gaps - elastic, 0.0)
         return np.asarray(plastic.sum(axis=0) / gaps.sum())
-
-    def level(self, s: Array) -> Array:
-        """Return s_eq of the flow law, (layers, points)."""
-        return np.sqrt((s * self.flow.normal(s)).sum(axis=0))
 
     @cached_property
     def power(self) -> Array:
@@ -166,7 +162,7 @@ class YieldedStrip:
             return 0.0, 0.0
         share = self.effect.share(self.state.controls)
         rates = self.flow.rates(self.stress, self.internal, share)[: len(self.stress)]
-        level = self.level(self.flow.driving(self.stress, self.internal) * share)
+        level = self.flow.level(self.flow.driving(self.stress, self.internal) * share)
         weights = np.multiply.outer(self.effect.layers.weights, self.strip.weights().ravel())
         power = weights * (self.stress * rates).sum(axis=0)
         return float(power.sum()), float(np.average(level, weights=power))
@@ -212,6 +208,19 @@ class YieldedStrip:
             for passage, stop in zip(passages, stops, strict=True)
             for name in passage.names
         }
+
+    @property
+    def curls(self) -> dict[str, float]:
+        """Curl (1/m) behind every roller that the strip touches; without any, the largest."""
+        bends = self.rollers()
+        return {name: b.curl for name, b in bends.items()} or {"strip": self.largest_curl[0]}
+
+    @property
+    def largest_curl(self) -> tuple[float, float]:
+        """The largest curl (1/m) of the strip, unloaded, and its distance (m) from the entry."""
+        x, left = self.stations[0], self.mean(self.residual_curvature[0])
+        k = int(np.abs(left).argmax())
+        return float(left[k]), float(x[k])
 
     def rollers(self) -> dict[str, RollerBend]:
         """Return the sharpest bend around every roller that the strip touches, by means across.

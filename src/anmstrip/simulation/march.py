@@ -642,7 +642,7 @@ class March:
             return Memory(*latest, first, errors=memory.errors)
         free, errors = plan.supports.free, None
         if memory is not None and memory.errors is not None and past is not None:
-            whole = np.zeros((3, len(self.full)))
+            whole = np.zeros((len(memory.errors.after), len(self.full)))
             whole[:, past.supports.free] = memory.errors.after
             errors = Errors(whole[:, free], whole[:, free], 0.0)
         return start_memory(plan.start, self.full[free], self.velocity[free], first, errors)

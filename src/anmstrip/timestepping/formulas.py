@@ -30,13 +30,13 @@ class AffineVelocity:
 
 @dataclass(frozen=True)
 class Errors:
-    """Estimated errors of a state: by the formulas, by what their branches have left, by the laws.
+    """Estimated errors of a state: by the formulas, by what their branches have left, by laws.
 
     An error e of u is one rate (e − e₀) of its velocity.
     """
 
-    before: Array  # e₀ (3, n): at the start of the last step, with what its formula adds
-    after: Array  # e (3, n)
+    before: Array  # e₀ (2 + kinds of laws, n): at the start of the last step, with what it adds
+    after: Array  # e, of the same shape
     rate: float  # of the formula
 
 
@@ -108,9 +108,12 @@ class StepEquations(Equations, Protocol):
         """
         return u
 
-    def sharpening(self, u: Array, control: float) -> Array:
-        """Derivative of R by a share by which regularised laws come nearer to the sharp ones."""
-        return np.zeros_like(u)
+    def sharpenings(self, u: Array, control: float) -> list[Array]:
+        """Derivatives of R by a share by which regularised laws come nearer to the sharp ones.
+
+        One for each kind of law whose errors are told apart, at any time as many.
+        """
+        return []
 
 
 class RateEquations(Protocol):

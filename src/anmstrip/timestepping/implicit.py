@@ -477,7 +477,7 @@ class _Integrator:
     def errors(self, memory: Memory, trial: _Trial, local: Array) -> Errors:
         """Errors of the state, carried on from those at the start of a step.
 
-        With the local error l of the formula, the residual r that the step leaves and the change
+        With the local error l of the formula, the residual r that the step leaves and the changes
         s of the residual by sharper laws, all to first order, the error e₀ of the state before
         becomes
 
@@ -486,17 +486,18 @@ class _Integrator:
         What sticks keeps it and what slips forgets it.  Both derivatives are those of one state: at
         corners of friction another one has others, by orders of magnitude.
         """
-        before = np.zeros((3, len(local))) if memory.errors is None else memory.errors.after.copy()
-        before[0] += local
         with self.cost.timed("error in time"):
             end = trial.increment, 1.0
-            added = trial.path.residual(*end), trial.path.sharpening(*end)
+            added = trial.path.residual(*end), *trial.path.sharpenings(*end)
+            before = np.zeros((1 + len(added), len(local)))
+            before += 0.0 if memory.errors is None else memory.errors.after
+            before[0] += local
             carried = trial.resistance_in_tangent
             right = np.array([carried(trial.rate * error) for error in before])
             right[1:] += added
             after = np.array([self.solver.factors.solve(each) for each in right])
         self.cost.residuals += 2
-        self.cost.solves += 3
+        self.cost.solves += len(right)
         return Errors(before, after, trial.rate)
 
     def next_order(
