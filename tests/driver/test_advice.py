@@ -687,8 +687,12 @@ FURNACE = merged(
 
 @pytest.mark.parametrize(
     "tables, name, drag",
-    [(SUPPORTED, "r2", 25.0), (FURNACE, "mid", 2.0)],
-    ids=("supports", "furnace"),
+    [
+        (SUPPORTED, "r2", 25.0),
+        (FURNACE, "mid", 2.0),
+        (merged(FURNACE, material={"yield_stress": 1.5e8, "plasticity": {}}), "mid", 2.0),
+    ],
+    ids=("supports", "furnace", "strip that yields"),
 )
 def test_weight_is_put_on_before_strip_runs(tables: dict[str, Any], name: str, drag: float) -> None:
     """Only weight presses strip onto rollers at pass line, which hold back their drag."""
@@ -871,6 +875,7 @@ ELSEWHERE = {
     "unheld_words": "unheld_strip, not_held",
     "why_speed_is_free": "released_strip",
     "yielding_instead": "beyond_yield",
+    "stays_elastic": "of a last state, in test_reported_plasticity.py",
     "below_round_off": "round_off, strict_tolerance",
     "typed_speed": "unequal_speeds, opposed_nip",
     "typed_place": "closer_rollers, in test_nip.py",

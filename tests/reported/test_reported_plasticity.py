@@ -396,6 +396,22 @@ def test_the_mesh_makes_curls_wrong_by_what_shorter_elements_change():
     assert 0.5 < errors["mesh"]["curl"] / abs(curl - finer) < 2.0
 
 
+@pytest.mark.parametrize("share", [0.98, 1.02])
+def test_elastic_strip_whose_faces_bear_more_than_its_yield_stress_is_told(share, tmp_path):
+    """σ = 6 M/t² along and ν σ across: von Mises's stress is √(1 − ν + ν²) σ."""
+    bound = YIELD / np.sqrt(1.0 - 0.3 + 0.3**2)
+    moment = {"moment": share * bound * THICKNESS**2 / 6.0}
+    tables = {**BENT, "stages": [{"duration": 1.0, "entry": moment, "exit": moment}]}
+    tables["material"] = {**TABLES["material"], "poisson": 0.3, "plasticity": None}
+    run = Scene.from_tables(tables, "bent.toml").run(tmp_path)
+    list(run)
+    told = [words for words in run.warnings if "stays elastic" in words]
+    assert len(told) == (share > 1.0)
+    if told:
+        assert f"bears {share * YIELD / 1e6:.0f} MPa at a face" in told[0]
+        assert "material.plasticity={}" in told[0]
+
+
 def test_cooled_between_held_ends_it_flows(claim):
     """By e = 3 ε_y at the rate r: N = σ_y t (r/ε₀)^(1/n), and ε_p = e (1 − e/2) − N/(E t)."""
     flow = {"uniaxial": True, "reference_rate": 3e-3, "layers": 5}

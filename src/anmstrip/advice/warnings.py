@@ -514,6 +514,29 @@ SECOND_BETWEEN_JAWS = 8.183
 """Load of the second mode of a column between jaws, over π² D/L²: 4 (x/π)² with tan x = x."""
 
 
+def stays_elastic(state: State, scene: SceneSpec) -> Iterator[str]:
+    """Yield strip without plasticity whose faces bear more than their yield stress.
+
+    By von Mises's stress of N/t + 6 |M|/t² along the strip, and ν of its bending part across.
+    """
+    limit, t, material = physics.yield_stress(scene), scene.strip.thickness, scene.material
+    if state.plasticity is not None or not state.bends or limit == np.inf:
+        return
+    profile = state.profile
+    bent = 6.0 / t**2 * np.abs(profile["moment"])
+    along, across = np.maximum(profile["tension_max"], 0.0) / t + bent, material.poisson * bent
+    stress = np.sqrt(along**2 - along * across + across**2)
+    most = int(stress.argmax())
+    if stress[most] > limit:
+        borne, yields = (units.told_stress(scene, each) for each in (stress[most], limit))
+        instead = physics.yielding_instead(scene)
+        yield (
+            f"the strip bears {borne} at a face {profile['arc_length'][most]:.3g} m from its entry"
+            f", above the yield stress {yields}{physics.assumed_yield(scene)}, but this strip "
+            f"stays elastic.{f' Try {instead}' if instead else ''}"
+        )
+
+
 def buckled_section(state: State, scene: SceneSpec) -> Iterator[str]:
     """Free spans of a section that are pressed by more than they bear.
 
@@ -1148,7 +1171,7 @@ OTHER_RULES = (
     rates_of_labels, needless_shell, unseen_facts, pulled_twice, keeps_its_load,
     *physics.PHYSICS_RULES,
 )  # fmt: skip
-RULES_OF_STAGES = buckled_section, unresolved_waves
+RULES_OF_STAGES = buckled_section, unresolved_waves, stays_elastic
 """Rules for the state at the end of each stage; the others are for the last state alone."""
 
 RULES_AT_END = (

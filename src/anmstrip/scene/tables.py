@@ -32,6 +32,9 @@ EDGE_NAMES = (*ENDS, "left", "right")
 THREADING = "threading"
 """Name of the stage that lays the strip around the rollers."""
 
+WEIGHING = "threading-with-weight"
+"""Name of the one that then puts weight on it, if it does not begin to run without."""
+
 I_UNIT = 1e-5
 """Strain of one I-unit of flatness."""
 

@@ -29,7 +29,7 @@ from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import buckling, mode_heights
 from anmstrip.scene.schema import SceneSpec, StageSpec
-from anmstrip.scene.tables import ENDS, THREADING
+from anmstrip.scene.tables import ENDS, THREADING, WEIGHING
 from anmstrip.simulation.defaults import held_ends
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course, uniform_stretch
@@ -252,10 +252,10 @@ class March:
 
         Rollers onto which only weight presses it cannot carry the drag of their bearings before.
         """
-        if self.assembly.thread is None or self.assembly.flow is not None:
+        if self.assembly.thread is None:
             return state
         weighing = StageSpec(
-            name=stage.name, duration=stage.duration, friction=False, gravity=stage.gravity
+            name=WEIGHING, duration=stage.duration, friction=False, gravity=stage.gravity
         )
         plan = self.course.plan(weighing, {}, self.full)
         with suppress(PathStopped):

@@ -44,7 +44,7 @@ from anmstrip.mechanics.roller import Roller, Sides, combine
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from anmstrip.scene.checks import pressed_against
 from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
-from anmstrip.scene.tables import ENDS, I_UNIT, THREADING, FieldSpec, NaturalShape
+from anmstrip.scene.tables import ENDS, I_UNIT, THREADING, WEIGHING, FieldSpec, NaturalShape
 from anmstrip.simulation.defaults import (
     coefficient_on,
     distributed_load,
@@ -975,7 +975,8 @@ class Assembly:
 
     def yields(self, stage: StageSpec) -> bool:
         """Whether plastic strains grow in a stage; a strip is threaded as an elastic one."""
-        return self.scene.material.plasticity is not None and stage.name != THREADING
+        laid = stage.name in (THREADING, WEIGHING)
+        return self.scene.material.plasticity is not None and not laid
 
     def frictional(self, stage: StageSpec) -> bool:
         """Whether friction, flow, or an effect like them, acts in a stage: it runs in time."""
