@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 import tomllib
 from pathlib import Path
@@ -187,7 +188,7 @@ WRONG_THREADED = [
     ('wrap = "over"', 'wrap = "above"', "rollers.r1.wrap", '"under"'),
     ("tension = 1.0e4", "tension = 0.0", "threading.tension", "above 0 (N/m)"),
     ("tension = 1.0e4\n", "", "threading.tension", "nothing"),
-    ("entry = [-2, 0, -1]\n", "", "strip.length", "length = 4.0"),
+    ("entry = [-2, 0, -1]\n", "", "threading.entry", "strip.length is not given either"),
     ("thickness = 1.0e-3", "thickness = 1.0e-3\nlength = 4.0", "strip.length", "threading.exit"),
     ("entry = [-2, 0, -1]", "entry = [-2, -1]", "threading.entry", "three"),
     ("entry = [-2, 0, -1]", "entry = [-3, -1]", "threading.entry", "entry = [-3, 0.0, -1]"),
@@ -330,6 +331,15 @@ def test_what_is_wrong_with_threading(
     assert old in THREADED
     mistakes = mistakes_of(tmp_path, THREADED.replace(old, new, 1))
     assert words in mistakes[key]
+
+
+def test_ends_that_are_proposed_can_be_typed(tmp_path: Path) -> None:
+    bare = re.sub("(entry|exit) = .*\n", "", THREADED)
+    found = mistakes_of(tmp_path, bare)
+    assert found.keys() == {"threading.entry", "threading.exit"}
+    ends = "\n".join(words.partition("type:")[2].strip() for words in found.values())
+    path = write(tmp_path, bare.replace("[threading]", f"[threading]\n{ends}"))
+    assert Assembly(Scene.load(path)).strip.length > 4.0
 
 
 @pytest.mark.parametrize(("old", "new", "key", "words"), WRONG_SECTION)

@@ -560,8 +560,11 @@ def threading_partners(threading: Threading, rollers: Rollers) -> Mistakes:
         yield Mistake("", "threading", None, expected, hint)
 
 
-def one_length(threading: Threading, strip: StripSpec) -> Mistakes:
-    """Yield a length that is missing, or given besides both ends from which it follows."""
+def one_length(threading: Threading, strip: StripSpec, rollers: Rollers) -> Mistakes:
+    """Yield a length that is missing, or given besides both ends from which it follows.
+
+    Of a threaded strip the ends are proposed, as far beside the rollers as these are apart.
+    """
     both = threading is not None and None not in (threading.entry, threading.exit)
     both |= threading is not None and threading.closed
     given = strip.length is not None or strip.mesh is not None
@@ -569,8 +572,22 @@ def one_length(threading: Threading, strip: StripSpec) -> Mistakes:
         key, value = ("length", strip.length) if strip.mesh is None else ("mesh", str(strip.mesh))
         expected = "nothing, since the ends of [threading] say the length"
         yield Mistake("", f"strip.{key}", value, expected, f"either {key} or threading.exit")
-    if not both and not given:
+    if both or given:
+        return
+    wrapped = [roller for roller in rollers if roller.wrap is not None]
+    if threading is None or not wrapped:
         yield replace(missing(StripSpec, "length"), key="strip.length")
+        return
+    centres = np.array([roller.centre for roller in wrapped])
+    apart = np.linalg.norm(np.diff(centres, axis=0), axis=1)
+    run = np.copysign(apart.max(initial=5.0 * wrapped[0].radius), centres[-1, 0] - centres[0, 0])
+    for name, roller, beside in zip(ENDS, (wrapped[0], wrapped[-1]), (-run, run), strict=True):
+        if getattr(threading, name) is None:
+            up = 0.9 * roller.radius * (1.0 if roller.wrap == "over" else -1.0)  # touches it
+            place = [f"{at:.6g}" for at in (roller.centre[0] + beside, 0.0, roller.centre[2] + up)]
+            expected = "a place (m), as strip.length is not given either"
+            hint = f"{name} = [{', '.join(place)}]"
+            yield Mistake("", f"threading.{name}", None, expected, hint)
 
 
 def held_entry(threading: Threading, edges: Edges) -> Mistakes:
