@@ -339,11 +339,12 @@ class Budget:
         free, equations = state.plan.supports.free, frozen_problem(state).equations()
         zero, found = np.zeros(len(free)), dict[str, Part]()
         laws, *flow = equations.sharpenings(zero, 0.0)
-        changes = {"regularisation": [laws] if state.rollers else [], "flow": flow}
-        if not any(changes.values()):
+        changes = {"regularisation": laws} if state.rollers else {}
+        changes |= dict(zip(("flow",), flow, strict=False))
+        if not changes:
             return found
         factors = SparseSolver().factorise(equations.recurrence(zero, 0.0, 1).tangent())
-        for name, (change,) in ((name, each) for name, each in changes.items() if each):
+        for name, change in changes.items():
             moved = np.zeros((2, len(state.full)))
             moved[0, free] = factors.solve(change)
             found[name] = self.straight(state, moved, sharper=change is laws)

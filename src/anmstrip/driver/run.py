@@ -602,7 +602,9 @@ class Run:
         """
         known = self.state is not None and self.budget.time == self.state.time
         found = dict.fromkeys(ERROR_WORDS) | (self.budget.parts if known else {})
-        return {key: found[key] for key in found if key != "flow" or self.assembly.flow is not None}
+        if self.assembly.flow is None:
+            del found["flow"]
+        return found
 
     @property
     def _missed_wrinkles(self) -> list[str]:
