@@ -254,6 +254,44 @@ def test_a_plate_does_not_see_what_stretches_between_held_ends() -> None:
     assert against.startswith("as it sags between held ends, 2.55e+04 N/m")
 
 
+@pytest.mark.parametrize(
+    ("held", "clamped", "span", "share"),
+    [
+        (("entry", "exit"), (), 1.2, 24.0),
+        (("entry", "exit"), ("exit",), 1.2, 48.0),
+        (("entry", "exit", "left", "right"), (), 0.8, 24.0),
+        (("left", "right"), ("left", "right"), 0.8, 72.0 * 3.0**0.5),
+    ],
+)
+def test_a_plate_held_on_its_edges_is_no_cantilever(
+    held: tuple[str, ...], clamped: tuple[str, ...], span: float, share: float
+) -> None:
+    """Slopes q L³/n D of a beam: of a pane 41° were told, where they reach 0.6°."""
+    tables = {
+        "strip": {"kinematics": "plate", "length": 1.2, "width": 0.8, "thickness": 8e-3},
+        "material": {"young": 7e10, "poisson": 0.3},
+        "edges": {name: {"fixed": ["z"], "clamped": name in clamped} for name in held},
+        "stages": [{"name": "wind", "pressure": 500.0}],
+    }
+    preview = Preview.of(Assembly(Scene.model_validate(tables)))
+    slope = 500.0 * span**3 / (share * 7e10 * 8e-3**3 / 12.0 / 0.91)
+    assert preview.steepest.slope == pytest.approx(np.arctan(slope), rel=1e-6)
+    assert not judged(tables)[1]["plate"].against
+
+
+def test_a_plate_does_not_see_that_a_dish_stretches() -> None:
+    """Held in z alone a shell sinks by 1.8 t in the mean across, a plate by 4.1 t."""
+    held, free = {"fixed": ["x", "y", "z"]}, ("exit", "left", "right")
+    tables = {
+        "strip": {"length": 1.0, "width": 1.0, "thickness": 1e-3},
+        "material": {"young": 7e10, "poisson": 0.3},
+        "edges": {"entry": held, **{name: {"fixed": ["z"]} for name in free}},
+        "stages": [{"name": "wind", "pressure": 10.0}],
+    }
+    _, found = judged(tables)
+    assert [words[:29] for words in found["plate"].against] == ["as it sags between held edges"]
+
+
 def test_threaded_bridle_shows_its_wraps() -> None:
     scene = Scene.model_validate(bridle())
     thread = Assembly(scene).thread

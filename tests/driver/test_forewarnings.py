@@ -1088,13 +1088,16 @@ def film(speeds: dict[str, float], stage: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize(("draw", "slips"), [(1.003, True), (1.0003, False)])
+@pytest.mark.parametrize(("draw", "slips"), [(1.003, True), (1.0003, True), (1.0001, False)])
 def test_a_draw_beyond_what_friction_holds_in_a_steady_line_is_told(draw, slips) -> None:
-    """Film of 225 kN/m between two rollers that hold 50 N/m e^(fθ) each: 80 N/m."""
+    """Film of 225 kN/m between two rollers that hold 50 N/m e^(fθ) each: 80 N/m, so 30 more."""
     tables = film({"slow": 2.0, "fast": 2.0 * draw}, {"exit": {"tension": 50.0}})
     told = [line for line in warnings(preview_of(tables)) if "slips on one of them" in line]
     assert len(told) == slips
-    assert all("stretch by 673 N/m, and friction holds 80.1 N/m at most" in line for line in told)
+    more = f"stretch by {225e3 * (1.0 - 1.0 / draw):.3g} N/m more"
+    assert all(f"{more}, of which friction holds 30.1 N/m at most" in line for line in told)
+    *_, last = Scene.model_validate(tables).run()
+    assert (last.state.rollers["slow"].capacity_used > 0.95) == slips
     tables["strip"]["temperature"] = {"across": [0.0], "along": [[0.0, 0.0], [2.0, 1.0]]}
     tables["material"]["expansion"] = 1e-5
     assert not any("slips on one of them" in line for line in warnings(preview_of(tables)))

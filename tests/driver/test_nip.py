@@ -242,6 +242,40 @@ def test_a_nip_that_stops_a_run_is_opened_by_the_move_that_has_closed_it() -> No
     assert typed(message) == ["stages.close.rollers.top.move=[0, 0, -0.005]"]
 
 
+def test_nips_of_given_forces_that_stop_a_run_are_told_a_wider_onset() -> None:
+    """Drawn paper was told to be pressed with 2 N instead of 8 kN, by which it slid through.
+
+    By Hooke's law a draw of 0.1 % makes 900 N/m of 300: with the usual onset it is 547.
+    """
+    places = {"in": (0.0, -0.15), "loop": (0.5, -0.2), "out": (1.0, -0.15)}
+    rollers: list[dict[str, Any]] = [
+        {"name": name, "radius": 0.15, "centre": [x, 0.0, z], "wrap": "over"}
+        for name, (x, z) in places.items()
+    ]
+    rollers[1] |= {"radius": 0.05, "wrap": "under", "drive": "idle"}
+    pressed = {"radius": 0.08, "drive": "idle", "press": 8e3}
+    rollers += [{"name": f"on_{x:g}", "centre": [x, 0.0, 0.1], **pressed} for x in (0.0, 1.0)]
+    turning = {"in": {"surface_speed": 8.0}, "out": {"surface_speed": 8.008}}
+    ends = {end: {"tension": 300.0} for end in ("entry", "exit")}
+    tables = {
+        "strip": {"kinematics": "section", "width": 2.0, "thickness": 1.2e-4},
+        "material": {"young": 5e9, "poisson": 0.15},
+        "friction": {"coefficient": 0.35},
+        "threading": {"tension": 300.0, "entry": [-0.5, 0.0, 0.0], "exit": [1.5, 0.0, 0.0]},
+        "rollers": rollers,
+        "stages": [{"name": "run", "steady": True, "rollers": turning, **ends}],
+    }
+    run = Run(Scene.from_tables(tables, "paper.toml"))
+    for step in run:
+        if step.stage == "run":
+            break
+    assert run.state is not None
+    message = diagnosis(Failure(run.assembly, run.scene.course[1], run.state, stalled()))
+    assert "the force of the nip stays as typed" in message and "squeeze" not in message
+    *_, last = Run(Scene.from_tables(tables, "paper.toml", typed(message)))
+    assert last.state.rollers["loop"].tension_in == pytest.approx(900.0, rel=1e-2)
+
+
 def test_a_nip_drawn_without_the_thickness_is_told_to_be_opened() -> None:
     """It was told to press with 1e15 N, and where it stopped that nothing pulls the strip."""
     tables: dict[str, Any] = copy.deepcopy(PINCH)

@@ -95,6 +95,7 @@ MISTYPED: list[tuple[list[str], list[str]]] = [
     (["material.density=7850.0", "stages.run.gravity=[0, 0, -9810]"],
      ["stages.run.gravity = 9810 is in m/s²"]),
     (["stages.run.rollers.r2.move=[0, 0, 120]"], ["stages.run.rollers.r2.move = 120 is in m, w"]),
+    (["rollers.r2.centre=[1000, 0, -1000]"], ["rollers.r2.centre = 1414.21 is in m, and 1.41e"]),
     (["friction.coefficient=20"], ["friction.coefficient = 20 is a ratio of forces"]),
     (["rollers.r2.friction=30"], ["rollers.r2.friction = 30 is a ratio of forces"]),
     (

@@ -166,6 +166,8 @@ WRONG = [  # what is replaced, by what, key that is named, words that must be th
      "at least 1 m, the sum of both radii, between the axes of r1 and r2"),
     ("[edges.entry]", f"{SECOND}centre = [0, 0, -1.5]\n[edges.entry]", "rollers.r2.centre",
      "centre = [0, 0, -1.511], or smaller radii"),
+    ("[edges.entry]", f"{SECOND}centre = [0.1, -1.6, 0]\n[edges.entry]", "rollers.r2.centre",
+     "centre = [0.1, 0, -1.6], or smaller radii"),
     ("[edges.entry]", f"{SECOND.replace('0.5', '500')}centre = [0, 0, -1.6]\n[edges.entry]",
      "rollers.r2.radius", "was it meant in mm?"),
     ("[edges.entry]", f"{SECOND.replace('0.5', '5e5')}centre = [0, 0, -1.6]\n[edges.entry]",
@@ -256,6 +258,7 @@ WRONG_SECTION = [
     ("= 0.6", "= 0.6\nentry.velocity = [0, 1, 0]", "stages.turn.entry.velocity", "0 along y"),
     ("= 0.6", "= 0.6\nexit.force = [9, 1, 0]", "stages.turn.exit.force", "[9.0, 0.0, 0.0], or"),
     ("= 0.6", "= 0.6\ngravity = [0, -9.81, 0]", "stages.turn.gravity", "0 along y"),
+    ("= 0.6", "= 0.6\ngravity = [0, -9.81, 0]", "stages.turn.gravity", "= [0.0, 0.0, -9.81], or"),
     ("= 0.6", "= 0.6\nrollers.r1.move = [0, 1, 0]", "stages.turn.rollers.r1.move", "0 along y"),
 ]
 
@@ -626,6 +629,9 @@ def test_what_rollers_have_in_other_programs_is_explained(key: str) -> None:
         ("radius = 0.5", "radius = 0.5\nmu = 0.2", "rollers.r1.mu", "friction = 0.2"),
         ("young = ", "yield = 3e8\nyoung = ", "material.yield", "yield_stress = 3e+08"),
         ("width = ", "self_weight = true\nwidth = ", "strip.self_weight", "[[stages]] gravity = "),
+        ("thickness = ", "gauge = ", "strip.gauge", "thickness = "),
+        ("width = ", "mesh_size = 0.01\nwidth = ", "strip.mesh_size", "refined = 0.01"),
+        ("= 0.6", "= 0.6\nexit_tension = 5e3", "stages.turn.exit_tension", "exit.tension = 5000"),
     ],
 )
 def test_a_key_of_another_name_is_one_mistake(old: str, new: str, key: str, hint: str) -> None:

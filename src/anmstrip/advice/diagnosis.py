@@ -254,7 +254,10 @@ def not_held(failure: Failure) -> str | None:
 
 
 def squeezed(failure: Failure) -> str | None:
-    """Two rollers overlap, or press on the same points while friction can hold the strip."""
+    """Two rollers overlap, or press on the same points while friction can hold the strip.
+
+    Those that press with a given force do so as they are meant to, unless they crush the strip.
+    """
     contacts, controls = failure.state.contacts, failure.state.controls
     assembly, thickness = failure.assembly, failure.assembly.strip.thickness
     for pair in combinations(assembly.rollers, 2):
@@ -265,6 +268,7 @@ def squeezed(failure: Failure) -> str | None:
         nip = Nip(a, b, apart - a.radius - b.radius)
         first, second = (contacts[r.name].pressed for r in pair)
         pressed = np.isin(first, second).any() and (nip.squeeze > 0.0 or not a.half)
+        pressed &= not set(nip.names).intersection(assembly.pressing)
         pressed |= physics.crushes(assembly, nip)  # strip that may not have come to touch them yet
         doubt = pressed and (forewarned(failure) or physics.held_by_nip(seen_before(failure), nip))
         if nip.gap < 0.0 or (pressed and not doubt):
@@ -493,6 +497,25 @@ def sharp_contact(failure: Failure) -> str | None:
     )
 
 
+def sharp_nip(failure: Failure) -> str | None:
+    """A given force presses strip over less than an element, in which friction has corners."""
+    assembly, contact = failure.assembly, failure.scene.contact
+    if contact is None or contact.constants or contact.law or not failure.state.touched:
+        return None
+    length = float(np.diff(np.unique(np.round(assembly.strip.nodes[0], 9))).min())
+    for nip in assembly.nips[-1]:
+        curvature = 0.5 / nip.first.radius + 0.5 / nip.second.radius
+        reach = np.sqrt(2.0 * assembly.signorini.width / curvature)
+        if set(nip.names).intersection(assembly.pressing) and reach < length:
+            return (
+                f"Rollers {' and '.join(nip.names)} press the strip over {2.0 * reach:.2g} m, and "
+                f"elements are {length:.2g} m long: friction comes and goes there from point to "
+                "point. With a wider onset of contact the force of the nip stays as typed. "
+                f"Try --set contact.onset={2.0 * length**2 * curvature:.1g}"
+            )
+    return None
+
+
 def stiff_friction(failure: Failure) -> str | None:
     """Friction turns round within a speed at which the positions have no digits left."""
     friction, strip = failure.scene.friction, failure.assembly.strip
@@ -566,7 +589,7 @@ def asked_too_much(failure: Failure) -> str:
 
 CAUSES: tuple[Callable[[Failure], str | None], ...] = (
     too_many_steps, too_large, slides_away, turns_through, not_held, squeezed, forewarned,
-    stiff_strip, profiled, slack, round_off, free_motion, sharp_contact, stiff_friction,
-    sharp_friction, low_order, nothing_grips, coarse, asked_too_much,
+    stiff_strip, profiled, slack, round_off, free_motion, sharp_contact, sharp_nip,
+    stiff_friction, sharp_friction, low_order, nothing_grips, coarse, asked_too_much,
 )  # fmt: skip
 """Likely causes, the surest first; the last one always has words."""

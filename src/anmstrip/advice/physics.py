@@ -843,10 +843,12 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
     ):
         line = float(np.sum(np.sign(list(last.values())))) or 1.0
         fast = max(last, key=lambda name: last[name] * line, default="")
-        bound = min(usual, surely.get(stage.name, np.inf))
+        runs_on = surely.get(stage.name, {}) if line > 0.0 else {}
         for name, told in others.items() if any(last.values()) else ():
             if gathers(assembly, stage, name, fast):
                 continue
+            held = runs_on[fast][1] - runs_on[name][0] if runs_on else np.inf
+            bound = min(usual, held)
             taken = sum_between(assembly, rates, name, fast)
             for speeds in (last, before) if taken else (last,):
                 speed, given = speeds.get(name, 0.0), speeds.get(fast, 0.0)
@@ -863,8 +865,9 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
                     words = unequal_words(preview, when, (name, speed), (fast, given), taken)
                     if draw <= usual:
                         takes = draw * assembly.strip.tensile_stiffness
-                        words += f", since it would stretch by {takes:.3g} N/m, and friction holds "
-                        words += f"{bound * assembly.strip.tensile_stiffness:.3g} N/m at most"
+                        words += f", since it would stretch by {takes:.3g} N/m more, of which "
+                        holds = max(bound, 0.0) * assembly.strip.tensile_stiffness
+                        words += f"friction holds {holds:.3g} N/m at most"
                     unless = "Unless that is meant, try" if speed * given < 0.0 else "Try"
                     yield (
                         f'{words}. {unless} rollers.{name}.drive = "idle" and no speed of it, '
@@ -906,23 +909,28 @@ def stretched_unsaid(preview: Preview, touched: Sequence[Roller]) -> float:
     return max(SPEED_DIFFERENCE, held)
 
 
-def held_stretches(preview: Preview) -> dict[str, float]:
-    """Return steady stages with the largest strain that friction can hold in a run of the line.
+def held_stretches(preview: Preview) -> dict[str, dict[str, tuple[float, float]]]:
+    """Return steady stages, and by roller the least and the largest strain of strip that comes on.
 
-    Strip that is drawn by more, from roller to roller, slips.  None of strip that yields, or that
-    heat lengthens.
+    Strip sticks where it comes on, so that the speeds of two rollers differ by the difference of
+    these strains.  The least is known where no driven roller is before.  None of strip that
+    yields, or that heat lengthens.
     """
     assembly = preview.assembly
     warm = any(shape.temperature for shape in assembly.scene.shapes)
     if warm or flow_stress(assembly.scene) is not None:
         return {}
-    found = dict[str, float]()
+    found, stretches = dict[str, dict[str, tuple[float, float]]](), assembly.strip.tensile_stiffness
+    driven = [roller.name for roller in assembly.driven if preview.turn(roller) > 0.0]
     for pulled in pulled_at_both_ends(preview):
         if pulled.stage.steady:
-            forth = list(largest_tensions(preview, "exit", pulled))[1:]
+            forth = list(largest_tensions(preview, "exit", pulled))[:-1]
             back = list(largest_tensions(preview, "entry", pulled))[1:]
-            most = (min(a, b) for (_, a), (_, b) in zip(forth, back[::-1], strict=True))
-            found[pulled.stage.name] = max(most) / assembly.strip.tensile_stiffness
+            first = next((name for name, _ in forth if name in driven), "")
+            found[pulled.stage.name] = {
+                name: (one * (name == first) / stretches, min(one, other) / stretches)
+                for (name, one), (_, other) in zip(forth, back[::-1], strict=True)
+            }
     return found
 
 

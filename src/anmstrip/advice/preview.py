@@ -6,7 +6,7 @@ Those are null vectors of the tangent, told in words with what to type.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -27,7 +27,7 @@ from anmstrip.mechanics.string_path import (
     string_path,
 )
 from anmstrip.scene.schema import SceneSpec, StageSpec
-from anmstrip.scene.tables import ENDS, EdgeSpec
+from anmstrip.scene.tables import ENDS, SIDES, EdgeSpec
 from anmstrip.simulation import defaults
 from anmstrip.simulation.meshing import axis_crossing
 from anmstrip.simulation.problem import Assembly
@@ -118,9 +118,11 @@ def string_estimate(course: Course) -> StringEstimate:
     An end that is held is where it was moved to, a free one runs in the direction of its
     force.  Rollers that a taut string would not touch are left out, and those that lie along
     the strip.  Between rollers L apart a string sags by q L / 2 T, a beam by at most q L³ / 6 D;
-    both carry together.  Where both ends are held, strip that sags by s stretches by s² / 6, and
-    E t s³ / 3 carries q L.  On an elastic foundation k it sinks by q/k, and an end that is held or
-    moved by as much turns by that over (4 D/k)^(1/4) or √(T/k), whichever is longer.
+    both carry together.  Flat strip between edges that are held sags by less, and by no more than
+    it would between its sides alone, if they are.  Where both ends are held, strip that sags by s
+    stretches by s² / 6, and E t s³ / 3 carries q L.  On an elastic foundation k it sinks by q/k,
+    and an end that is held or moved by as much turns by that over (4 D/k)^(1/4) or √(T/k),
+    whichever is longer.
     """
     a, values = course.assembly, course.values
     weight = a.strip.mass * abs(values.get("gravity", np.zeros(3))[2])
@@ -132,10 +134,10 @@ def string_estimate(course: Course) -> StringEstimate:
     k, bends = a.scene.strip.foundation or 0.0, defaults.bending_stiffness(a.scene)
     reach = max((4.0 * bends / k) ** 0.25, np.sqrt(tension / k), 1e-300) if k else np.inf
 
-    def sag(span: float) -> float:
+    def sag(span: float, share: float = CANTILEVER) -> float:
         if not load:
             return 0.0
-        stiffness = 2.0 * tension / span + 6.0 * bends / span**3
+        stiffness = 2.0 * tension / span + share * bends / span**3
         slopes = [load / stiffness if stiffness else np.inf]
         if stretches:
             slopes.append(np.cbrt(3.0 * load * span / stretches))
@@ -171,7 +173,19 @@ def string_estimate(course: Course) -> StringEstimate:
         slope = max(abs(end.angle) for end in (entry, exit) if isinstance(end, StraightEnd))
     length = a.strip.length
     slope = max(slope, *(abs(float(move[2])) / reach for move in moved))
-    return StringEstimate({}, {}, float(slope) + sag(length), gaps=gaps, span=length)
+    sagged = sag(length, beam_share(course, ENDS))
+    if bends and (across := beam_share(course, SIDES)) > CANTILEVER:
+        sagged = min(sagged, float(np.arctan(load * a.strip.width**3 / (across * bends))))
+    return StringEstimate({}, {}, float(slope) + sagged, gaps=gaps, span=length)
+
+
+def beam_share(course: Course, edges: Iterable[str]) -> float:
+    """Return n in the slope q L³ / n D of a beam between two edges, as they are held in a stage."""
+    scene = course.assembly.scene
+    held = set(edges).intersection(scene.held_in("z")) - course.released
+    if len(held) < len(ENDS):
+        return CANTILEVER
+    return BETWEEN_SUPPORTS[len(held.intersection(scene.clamped))]
 
 
 def laid_string(course: Course) -> tuple[StringPath, list[tuple[Roller, float]], Array] | None:
@@ -263,6 +277,12 @@ def thread_end(course: Course, name: str) -> End:
     way = way if name == "exit" else -way
     return StraightEnd(0.25 * float(np.ptp(x)), float(np.arctan2(way[2], way[0])))
 
+
+CANTILEVER = 6.0
+"""D/q L³ over the slope of a beam at its free end, the largest there is."""
+
+BETWEEN_SUPPORTS = (24.0, 48.0, 72.0 * 3.0**0.5)
+"""The same of a beam between two supports, of which none, one or both are clamped."""
 
 FREE_STIFFNESS = 1e-4
 """Stiffness of a motion, over force/length of the scene, below which nothing holds the strip.

@@ -16,6 +16,7 @@ from anmstrip.advice.preview import Preview
 from anmstrip.errors import InputError
 from anmstrip.scene.checks import meant_modulus
 from anmstrip.scene.schema import SceneSpec
+from anmstrip.scene.tables import ENDS
 from anmstrip.simulation.defaults import has_default_slip_speed, largest_force, typed_tensions
 from anmstrip.simulation.meshing import MAX_LYING_TURN
 from anmstrip.simulation.problem import Assembly
@@ -30,6 +31,9 @@ MAX_LINE_STRESS = 500.0
 
 LARGEST_MOVE = 10.0
 """Way that no roller and no end is moved, in lengths of the strip."""
+
+LONGEST_RUN = 500.0
+"""Length (m) that no run of strip has between two rollers: those of towers have 70 m."""
 
 MIN_THICKNESS = 4e-3
 """Thickness (m) up to which none can have been typed in mm: there is no strip below 4 µm."""
@@ -167,7 +171,7 @@ def doubts(preview: Preview) -> Iterator[Doubt]:
             yield Doubt("material.density", density, why, "kg/m³", typed)
         return
     found = [*doubtful_strip(preview), *doubtful_friction(scene), *doubtful_speeds(scene)]
-    found += doubtful_moves(preview)
+    found += [*doubtful_moves(preview), *doubtful_places(scene)]
     yield from found
     why = "in m/s², in which no line has such a value"
     yield from doubtful_gravity(scene, (LARGEST_IN_LINES["m/s²"], np.inf), why, "mm/s²", 1e-3)
@@ -271,6 +275,25 @@ def doubtful_moves(preview: Preview) -> Iterator[Doubt]:
                 key = f"stages.{stage.name}.{name}.move"
                 why = f"in m, with a strip of {length:.3g} m"
                 yield Doubt(key, size, why, "mm", f"{key}={typed_vector(1e-3 * np.array(move))}")
+
+
+def doubtful_places(scene: SceneSpec) -> Iterator[Doubt]:
+    """Yield places of a line that are far from all others, but among them in millimetres."""
+    if scene.threading is None:
+        return
+    given = {f"rollers.{r.name}.centre": r.centre for r in scene.rollers if r.wrap is not None}
+    given |= {f"threading.{name}": getattr(scene.threading, name) for name in ENDS}
+    places = {key: np.array(place) for key, place in given.items() if place is not None}
+    for key, place in places.items():
+        others = [other for name, other in places.items() if name != key]
+        far, near = (
+            min((float(np.linalg.norm(share * place - other)) for other in others), default=0.0)
+            for share in (1.0, 1e-3)
+        )
+        if near < LONGEST_RUN < far:
+            why = f"in m, and {far:.3g} m from all other places of the line"
+            typed = f"{key}={typed_vector(1e-3 * place)}"
+            yield Doubt(key, float(np.linalg.norm(place)), why, "mm", typed)
 
 
 def doubtful_strip(preview: Preview) -> Iterator[Doubt]:

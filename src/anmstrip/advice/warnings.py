@@ -26,7 +26,7 @@ from anmstrip.results.state import State
 from anmstrip.results.wrinkles import COLUMN_FACTORS
 from anmstrip.scene.checks import held_along
 from anmstrip.scene.schema import SceneSpec, StageSpec
-from anmstrip.scene.tables import ENDS, THREADING, FieldSpec
+from anmstrip.scene.tables import ENDS, SIDES, THREADING, FieldSpec
 from anmstrip.simulation.defaults import (
     bending_stiffness,
     boundary_layer,
@@ -1319,6 +1319,19 @@ def against_section(preview: Preview) -> Iterator[str]:
         yield f"{name}, a side, is held, pulled or moved"
 
 
+def stretched_between(assembly: Assembly) -> tuple[str, float]:
+    """Return what stretches flat strip that sags, and its span (m), 0 if nothing does.
+
+    Strip that is held at ends and sides becomes a dish, which stretches however they slide.
+    """
+    scene, strip = assembly.scene, assembly.strip
+    held = {*scene.held_in("z")}
+    if scene.threading is None and held.intersection(ENDS) and held.intersection(SIDES):
+        return "held edges", min(strip.length, strip.width)
+    taut = scene.threading is None and len(held_ends(scene)) == len(ENDS)
+    return "held ends", strip.length if taut else 0.0
+
+
 def fills_rectangle(strip: Strip) -> bool:
     """Whether a strip has no holes, and edges along x and y."""
     size = np.ptp(strip.nodes, axis=1)
@@ -1344,10 +1357,10 @@ def against_plate(preview: Preview) -> Iterator[str]:
             f"{error} (bound {np.degrees(PLATE_SLOPE):.0f}°)"
         )
     stretches = scene.material.young * scene.strip.thickness * steep.slope**2 / 6.0
-    held = preview.tension + 12.0 * bending_stiffness(scene) / preview.assembly.strip.length**2
-    flat = scene.threading is None
-    if flat and len(held_ends(scene)) == len(ENDS) and stretches > SMALL_STRETCH * held:
-        yield f"as it sags between held ends, {stretches:.3g} N/m come to pull it"
+    between, span = stretched_between(preview.assembly)
+    held = preview.tension + 12.0 * bending_stiffness(scene) / (span or 1.0) ** 2
+    if span and stretches > SMALL_STRETCH * held:
+        yield f"as it sags between {between}, {stretches:.3g} N/m come to pull it"
     if scene.strip.mesh is not None and not fills_rectangle(preview.assembly.strip):
         yield "the outline of its mesh is no rectangle, so that tension varies along"
     if scene.threading is not None:

@@ -204,6 +204,8 @@ def known_directions(strip: StripSpec, stages: Stages) -> Mistakes:
         unseen = [c for c in nonzero(vector) if c not in seen]
         if vector is not None and unseen:
             kept = [v if c in seen else 0.0 for c, v in zip("xyz", vector, strict=True)]
+            if unseen == ["y"] and not any(kept):  # upwards in other programs
+                kept[2] = vector[1]
             expected = f"0 along {' and '.join(unseen)}: {WHY_NOT[level]}"
             hint = f"{short} = {kept}, or {NEXT_KINEMATICS[level]}"
             yield Mistake("", key, vector, expected, hint)
@@ -755,8 +757,11 @@ def separate_rollers(rollers: Rollers) -> Mistakes:
             f"at least {least[j]:g} m, the sum of both radii, between the axes of "
             f"{rollers[j].name} and {second.name}, which overlap; now {distance[j]:.4g} (m)"
         )
-        away = offset[:, j] / distance[j] if distance[j] else np.array([0.0, 0.0, 1.0])
-        centre = second.centre + (1.01 * least[j] - distance[j]) * away
+        x, y, z = second.centre
+        centre = np.array([x, 0.0, y])  # y upwards, as in other programs
+        if z or np.linalg.norm(np.cross(axis, centre - centres[:, j])) < least[j]:
+            away = offset[:, j] / distance[j] if distance[j] else np.array([0.0, 0.0, 1.0])
+            centre = second.centre + (1.01 * least[j] - distance[j]) * away
         hint = f"centre = [{', '.join(f'{c:.4g}' for c in centre)}], or smaller radii"
         yield Mistake("", f"rollers.{second.name}.centre", list(second.centre), expected, hint)
     for name, (radius, far) in large.items():

@@ -43,6 +43,9 @@ OTHER_NAMES = {
     "alpha": ("expansion", 1.0),
     "mu": ("coefficient friction", 1.0),
     "time": ("duration", 1.0),
+    "dt": ("time_step", 1.0),
+    "gauge": ("thickness", 1.0),
+    **dict.fromkeys(("mesh_size", "element_size"), ("refined", 1.0)),
     "tol": ("tolerance", 1.0),
     "rpm": ("angular_speed", math.pi / 30.0),
     "omega": ("angular_speed", 1.0),
@@ -51,6 +54,9 @@ OTHER_NAMES = {
     **dict.fromkeys(("frequency", "interval"), ("every", 1.0)),
 }
 """Names of other programs for keys of ours, and what their value is of theirs."""
+
+PARTS_OF_STAGES = ("strip", "entry", "exit", "left", "right")
+"""What has controls in a stage, behind a dot."""
 
 NO_CONTROLS = {
     "axis": "axis in [[rollers]], for the whole run: no stage turns it",
@@ -155,7 +161,12 @@ def key_like(key: str, value: object, known: Iterable[str]) -> str | None:
     --------
     >>> key_like("rpm", 60, ["angular_speed"]), key_like("nu", 0.3, ["young"])
     ('angular_speed = 6.28319', None)
+    >>> key_like("exit_tension", 5e3, ["exit", "gravity"])
+    'exit.tension = 5000'
     """
+    part, _, control = key.partition("_")
+    if control and part in PARTS_OF_STAGES and part in known and is_number(value):
+        return f"{part}.{control} = {value:.6g}"
     names, share = OTHER_NAMES.get(key.lower(), ("", 1.0))
     name = next((name for name in names.split() if name in known), None)
     if name is None or not is_number(value):

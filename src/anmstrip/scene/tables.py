@@ -26,7 +26,10 @@ from anmstrip.scene.hints import is_number
 ENDS = ("entry", "exit")
 """The ends of a strip, at −x and +x: all the edges that a section has."""
 
-EDGE_NAMES = (*ENDS, "left", "right")
+SIDES = ("left", "right")
+"""Edges along the strip that it has without a mesh file."""
+
+EDGE_NAMES = (*ENDS, *SIDES)
 """The edges of a rectangular strip, at −x, +x, +y and −y."""
 
 THREADING = "threading"
