@@ -504,14 +504,13 @@ def sharp_nip(failure: Failure) -> str | None:
         return None
     length = float(np.diff(np.unique(np.round(assembly.strip.nodes[0], 9))).min())
     for nip in assembly.nips[-1]:
-        curvature = 0.5 / nip.first.radius + 0.5 / nip.second.radius
-        reach = np.sqrt(2.0 * assembly.signorini.width / curvature)
+        reach = np.sqrt(2.0 * assembly.signorini.width / nip.curvature)
         if set(nip.names).intersection(assembly.pressing) and reach < length:
             return (
                 f"Rollers {' and '.join(nip.names)} press the strip over {2.0 * reach:.2g} m, and "
                 f"elements are {length:.2g} m long: friction comes and goes there from point to "
                 "point. With a wider onset of contact the force of the nip stays as typed. "
-                f"Try --set contact.onset={2.0 * length**2 * curvature:.1g}"
+                f"Try --set contact.onset={2.0 * length**2 * nip.curvature:.1g}"
             )
     return None
 

@@ -750,7 +750,8 @@ class Assembly:
         off.  It is that at a whole spacing where elements have several parts: the load of a roller
         then does not change by 17 %, but by 1e-4, as points pass it, and a plate takes half as many
         tangents.  Where only weight or pressure presses, q, the strip floats w log(p₀/q) high,
-        which must be a small share of its thickness.  Where tension varies across, by rollers, heat
+        which must be a small share of its thickness.  Where rollers press with given forces they do
+        so over an element, see ``Layout.nip_onset``.  Where tension varies across, by rollers, heat
         or flatness, a gap stretches fibres by its share of the radius, which must not be seen
         beside T/(E t), nor beside the lift of edges that curl, see ``Layout.curling``.  A belt is
         as long as on its rollers if that pressure is by the mean of log(r) over its wraps.
@@ -783,6 +784,7 @@ class Assembly:
         parts = 1 if nips else self.strip.contact_parts
         apart = 0.5 * element / parts  # two points to a part
         onset = (apart if parts > 1 else 0.5 * apart) ** 2 / (2.0 * radius)
+        onset = max(onset, self.layout.nip_onset)
         if c.pressure is None and not nips:
             line = self._line_load(load) / float(np.sqrt(2.0 * np.pi * radius * onset))
             pressure = max(pressure, line)
