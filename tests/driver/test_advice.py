@@ -830,6 +830,7 @@ ELSEWHERE = {
     "pulled_off": "words of untouched_roller",
     "rates_of_labels": "of a user's own effects, in test_own_effects.py",
     "squeezed": "test_diagnosis.py, test_nip.py",
+    "sharp_line": "test_diagnosis.py",
     "sharp_nip": "test_nip.py",
     "tips_over": "told where nothing pulls, among what is told before a run",
     "lifted_off": "of an idler that bent strip does not touch",

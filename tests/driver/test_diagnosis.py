@@ -112,6 +112,28 @@ def test_what_is_told_can_be_typed() -> None:
         Scene.model_validate(data)
 
 
+def test_a_pin_that_stiff_ribbon_slides_over_is_told_a_wider_onset() -> None:
+    """Twice the tension was told, with which it stopped as well; by what is told it slides."""
+    tables = {
+        "strip": {"thickness": 2e-4, "width": 5e-3, "kinematics": "section"},
+        "material": {"young": 1.15e11, "poisson": 0.34},
+        "rollers": [{"name": "pin", "radius": 4e-3, "centre": [0.0, 0.0, 0.0], "wrap": "over"}],
+        "threading": {"tension": 400.0, "entry": [-0.05, 0, -0.0866], "exit": [0.05, 0, -0.0866]},
+        "friction": {"coefficient": 0.15},
+        "stages": [{"name": "draw", "steady": True, "strip": {"speed": 0.3}}],
+    }
+    run = Run(Scene.from_tables(tables, "pin.toml"))
+    list(run)
+    assert "touches pin along a line" in run.message
+    (setting,) = typed(run.message)
+    assert setting.startswith("contact.onset=")
+    run = Run(Scene.from_tables(tables, "pin.toml", [setting]))
+    list(run)
+    assert run.outcome.done and run.state is not None
+    pin = run.state.rollers["pin"]
+    assert -pin.drag / pin.normal_force == pytest.approx(0.15, rel=0.02)
+
+
 def test_what_a_turning_point_had_changed_is_told_with_its_sign() -> None:
     back = {**TURN, "rollers": {"r1": {"surface_speed": -1.0}}}
     assembly = scene(stages=[TENSION, WRAP, back]).run().assembly

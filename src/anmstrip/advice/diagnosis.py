@@ -40,6 +40,9 @@ COARSE_ELEMENT = 0.5
 SHARP_ONSET = 1e-3
 """Onset of contact, over the one that the mesh resolves, that is called too sharp."""
 
+LINE_ELEMENTS = 4.0
+"""Elements over which strip touches a roller up to which that is a line."""
+
 STIFF_LAYER = 2.0
 """Boundary layer √(D/T) over a radius from which on strip does not follow its thread."""
 
@@ -515,6 +518,24 @@ def sharp_nip(failure: Failure) -> str | None:
     return None
 
 
+def sharp_line(failure: Failure) -> str | None:
+    """Strip too stiff for a roller touches it over less than elements, and friction moves it."""
+    assembly, contact, place = failure.assembly, failure.scene.contact, failure.location
+    touched = failure.state.touched.get(place.roller) if place and place.roller else None
+    if contact is None or contact.constants or contact.law or place is None or touched is None:
+        return None
+    begin, end = touched.arc
+    onset = place.element**2 / (2.0 * touched.roller.radius)
+    rubs = assembly.frictional(failure.stage) or failure.stage.steady
+    if not rubs or end - begin > LINE_ELEMENTS * place.element or assembly.signorini.width >= onset:
+        return None
+    return (
+        f"The strip touches {place.roller} along a line, over {end - begin:.2g} m, and elements "
+        f"are {place.element:.2g} m long: friction comes and goes there from point to point. "
+        f"Try --set contact.onset={onset:.1g}"
+    )
+
+
 def stiff_friction(failure: Failure) -> str | None:
     """Friction turns round within a speed at which the positions have no digits left."""
     friction, strip = failure.scene.friction, failure.assembly.strip
@@ -589,6 +610,6 @@ def asked_too_much(failure: Failure) -> str:
 CAUSES: tuple[Callable[[Failure], str | None], ...] = (
     too_many_steps, too_large, slides_away, turns_through, not_held, squeezed, forewarned,
     stiff_strip, profiled, slack, round_off, free_motion, sharp_contact, sharp_nip,
-    stiff_friction, sharp_friction, low_order, nothing_grips, coarse, asked_too_much,
+    stiff_friction, sharp_friction, low_order, nothing_grips, coarse, sharp_line, asked_too_much,
 )  # fmt: skip
 """Likely causes, the surest first; the last one always has words."""
