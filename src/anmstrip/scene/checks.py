@@ -19,7 +19,6 @@ from anmstrip.scene.tables import (
     I_UNIT,
     STAGE_KEYS,
     THREADING,
-    WEIGHING,
     ContactSpec,
     EdgeControl,
     EdgeSpec,
@@ -657,10 +656,10 @@ def closed_strip(
 
 
 def own_name(stages: Stages) -> Mistakes:
-    """Yield stages that have names of the threading."""
-    for name in {THREADING, WEIGHING} & {stage.name for stage in stages}:
-        key, expected = f"stages.{name}.name", "another name: [threading] has this one"
-        yield Mistake("", key, name, expected, 'name = "run"')
+    """Yield a stage that has the name of the threading."""
+    if any(stage.name == THREADING for stage in stages):
+        key = f"stages.{THREADING}.name"
+        yield Mistake("", key, THREADING, "another name: [threading] has this one", 'name = "run"')
 
 
 def threading_ends(threading: Threading) -> Mistakes:

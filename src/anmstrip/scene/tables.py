@@ -35,9 +35,6 @@ EDGE_NAMES = (*ENDS, *SIDES)
 THREADING = "threading"
 """Name of the stage that lays the strip around the rollers."""
 
-WEIGHING = "threading-with-weight"
-"""Name of the one that then puts weight on it, if it does not begin to run without."""
-
 I_UNIT = 1e-5
 """Strain of one I-unit of flatness."""
 

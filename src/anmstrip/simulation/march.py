@@ -29,9 +29,9 @@ from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import buckling, mode_heights
 from anmstrip.scene.schema import SceneSpec, StageSpec
-from anmstrip.scene.tables import ENDS, THREADING, WEIGHING
+from anmstrip.scene.tables import ENDS, THREADING
 from anmstrip.simulation.defaults import held_ends
-from anmstrip.simulation.problem import Assembly
+from anmstrip.simulation.problem import Assembly, Weighing
 from anmstrip.simulation.stages import Course, uniform_stretch
 from anmstrip.timestepping.formulas import Errors, Memory, TimeStep, start_memory
 from anmstrip.timestepping.implicit import Stepping, integrate, settle
@@ -254,8 +254,8 @@ class March:
         """
         if self.assembly.thread is None:
             return state
-        weighing = StageSpec(
-            name=WEIGHING, duration=stage.duration, friction=False, gravity=stage.gravity
+        weighing = Weighing(
+            name=stage.name, duration=stage.duration, friction=False, gravity=stage.gravity
         )
         plan = self.course.plan(weighing, {}, self.full)
         with suppress(PathStopped):

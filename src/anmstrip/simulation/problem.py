@@ -44,7 +44,7 @@ from anmstrip.mechanics.roller import Roller, Sides, combine
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from anmstrip.scene.checks import pressed_against
 from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
-from anmstrip.scene.tables import ENDS, I_UNIT, THREADING, WEIGHING, FieldSpec, NaturalShape
+from anmstrip.scene.tables import ENDS, I_UNIT, THREADING, FieldSpec, NaturalShape
 from anmstrip.simulation.defaults import (
     coefficient_on,
     distributed_load,
@@ -203,6 +203,10 @@ step: their friction is as singular as that of the others.
 
 BUILT_IN_EFFECTS = ("membrane", "bending", "plasticity", "contact", "press", "friction", "drives")
 """Effects that are asked for by their names when a state is read."""
+
+
+class Weighing(StageSpec):
+    """Stage that puts weight on a strip that has been threaded, before it runs and yields."""
 
 
 @dataclass(eq=False, repr=False)
@@ -977,7 +981,7 @@ class Assembly:
 
     def yields(self, stage: StageSpec) -> bool:
         """Whether plastic strains grow in a stage; a strip is threaded as an elastic one."""
-        laid = stage.name in (THREADING, WEIGHING)
+        laid = stage.name == THREADING or isinstance(stage, Weighing)
         return self.scene.material.plasticity is not None and not laid
 
     def frictional(self, stage: StageSpec) -> bool:
