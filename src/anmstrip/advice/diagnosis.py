@@ -525,14 +525,14 @@ def sharp_line(failure: Failure) -> str | None:
     if contact is None or contact.constants or contact.law or place is None or touched is None:
         return None
     begin, end = touched.arc
-    onset = place.element**2 / (2.0 * touched.roller.radius)
+    wider = place.element**2 / (2.0 * touched.roller.radius)
     rubs = assembly.frictional(failure.stage) or failure.stage.steady
-    if not rubs or end - begin > LINE_ELEMENTS * place.element or assembly.signorini.width >= onset:
+    if not rubs or end - begin > LINE_ELEMENTS * place.element or assembly.signorini.width >= wider:
         return None
     return (
         f"The strip touches {place.roller} along a line, over {end - begin:.2g} m, and elements "
         f"are {place.element:.2g} m long: friction comes and goes there from point to point. "
-        f"Try --set contact.onset={onset:.1g}"
+        f"Try --set contact.onset={wider:.1g}"
     )
 
 
