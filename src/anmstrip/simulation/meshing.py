@@ -98,16 +98,16 @@ more than the strip is thick, at seven places between its nodes, an eighth of th
 when they begin to turn, a twelfth none."""
 
 FORCE_PARTS = 2.0
-"""The same of sections where rollers press with given forces, over more than an element: with one
-paper that is drawn by 1 200 N/m between nips gets 7 % less, with two 2 %.  A shell at a tolerance
+"""The same of sections where rollers press with given forces: with one part paper that is drawn by
+1 200 N/m between nips gets 7 % less, with two 2 %.  A shell at a tolerance
 of 1e-5 takes 95 tangents with one and more than 300 with two, as slip comes to each point in turn.
 """
 
 FORCE_ONSET = 0.05
-"""Largest onset of contact, over the thickness, by which given forces press over an element of its
-length: the force is the same by any onset.  With 0.02 paper between nips takes 35, 137 and 432
-tangents, with 0.05 29, 92 and 292.  With the usual onset, a third of an element, it takes 44, 949
-and comes to no end, with 547 N/m where 900 are drawn."""
+"""Largest onset of contact, over the thickness, that spreads given forces of nips over an element.
+Paper that is drawn by 600 and by 1 200 N/m between two nips, or gathers there, takes 35, 137 and 432
+tangents with 0.02 and 29, 92 and 292 with 0.05.  With the usual onset it takes 44, with 247 N/m for
+600, comes to no end, and takes 949."""
 
 SETTLING_DEPTH = 0.0125
 """Depth by which one roller may bear deeper than others, over that which takes all its load off it.
@@ -509,7 +509,8 @@ class Layout:
         that comes and goes there.
         """
         sizes = {r.name: size for r, size in zip(self.rollers, self.wanted_sizes, strict=True)}
-        onsets = (0.5 * sizes[nip.names[0]] ** 2 * nip.curvature for nip in self.given_nips)
+        shorter = {nip: min(sizes[name] for name in nip.names) for nip in self.given_nips}
+        onsets = (0.5 * size**2 * nip.curvature for nip, size in shorter.items())
         return min(max(onsets, default=0.0), FORCE_ONSET * self.scene.strip.thickness)
 
     @property
