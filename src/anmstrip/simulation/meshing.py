@@ -105,9 +105,9 @@ of 1e-5 takes 95 tangents with one and more than 300 with two, as slip comes to 
 
 FORCE_ONSET = 0.05
 """Largest onset of contact, over the thickness, that spreads given forces of nips over an element.
-Paper that is drawn by 600 and by 1 200 N/m between two nips, or gathers there, takes 35, 137 and 432
-tangents with 0.02 and 29, 92 and 292 with 0.05.  With the usual onset it takes 44, with 247 N/m for
-600, comes to no end, and takes 949."""
+Paper that is drawn by 600 and by 1 200 N/m between two nips, or gathers there, takes 35, 137 and
+432 tangents with 0.02 and 29, 92 and 292 with 0.05.  With the usual onset it takes 44, with 247 N/m
+for 600, comes to no end, and takes 949."""
 
 SETTLING_DEPTH = 0.0125
 """Depth by which one roller may bear deeper than others, over that which takes all its load off it.
