@@ -360,7 +360,7 @@ def test_a_nip_that_does_not_hold_strip_at_speed(tension: float) -> None:
 
 def test_a_nip_that_only_just_holds_strip_at_speed_is_told_to_be_closed() -> None:
     scene = Scene.from_tables(STEADY, "pinch.toml", ["stages.run.entry.tension=6200"])
-    assert any("the strip nearly runs away" in line for line in told(scene))
+    assert any("the strip may run away" in line for line in told(scene))
     assert ended(scene).outcome.done
 
 

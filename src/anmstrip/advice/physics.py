@@ -488,7 +488,7 @@ def beyond_capacity(preview: Preview) -> Iterator[str]:
                 held_by = f"friction holds {most / low if low else 1.0:.3g} times as much"
             lost = high > most * (SAGGING_SHARE if pulled.weight else 1.0)
             none = "there is no stationary state, and " * (stage.steady and lost)
-            runs = "runs away" if lost else "nearly runs away"
+            runs = "runs away" if lost else "may run away"
             key = "tension" if stage.edge(end).force is None else "force"
             typed = f"stages.{stage.name}.{end}.{key}"
             if plain and not turn and key == "tension":

@@ -70,8 +70,19 @@ KEYS_OF_STAGES = {
         ("weight", "self_weight"), "[[stages]] gravity = [0.0, 0.0, -9.81], with material.density"
     ),
     "line_speed": "[[stages]] strip.speed, of a steady one, or rollers.NAME.surface_speed",
+    **dict.fromkeys(
+        ("type", "kind", "analysis"),
+        "[[stages]] steady = true, of stationary states; stages without it go through time",
+    ),
 }
 """Names of other programs for what a stage gives the strip, and what to type instead."""
+
+KEYS_OF_ENDS = {
+    end: f"[[stages]] {end}.tension = 5000.0 (N/m), or {end}.speed, of what pulls there; "
+    f"and [edges.{end}], how it is held"
+    for end in ("entry", "exit")
+}
+"""Tables of ends outside the stages, and what to type instead."""
 
 FOREIGN_KEYS = {
     "inertia": 'not modelled; an idler that gains the speed v in t seconds has drive = "torque" '
@@ -87,6 +98,7 @@ FOREIGN_KEYS = {
         ("yaw", "skew", "angle", "misalignment"), "axis = [-0.001, 1.0, 0.0], for 1 mrad about z"
     ),
     "tilt": "axis = [0.0, 1.0, 0.001], for an end at +y that is higher by 1 mrad",
+    "type": 'drive = "speed", "torque" or "idle"',
     "temperature": "temperatures are those of the strip, strip.temperature",
     "speed": "the speed of its surface in a stage, rollers.NAME.surface_speed = 1.0",
     **dict.fromkeys(
@@ -184,7 +196,12 @@ def key_elsewhere(key: str, known: Iterable[str]) -> str | None:
     >>> key_elsewhere("tilt", ["radius", "axis"])
     'axis = [0.0, 1.0, 0.001], for an end at +y that is higher by 1 mrad'
     """
-    tables = (NO_CONTROLS, "surface_speed"), (FOREIGN_KEYS, "radius"), (KEYS_OF_STAGES, None)
+    tables = (
+        (NO_CONTROLS, "surface_speed"),
+        (FOREIGN_KEYS, "radius"),
+        (KEYS_OF_ENDS, "stages"),
+        (KEYS_OF_STAGES, None),
+    )
     return next((t[key] for t, of in tables if key in t and (of is None or of in known)), None)
 
 
