@@ -630,6 +630,7 @@ def test_what_rollers_have_in_other_programs_is_explained(key: str) -> None:
         ("young = ", "yield = 3e8\nyoung = ", "material.yield", "yield_stress = 3e+08"),
         ("width = ", "self_weight = true\nwidth = ", "strip.self_weight", "[[stages]] gravity = "),
         ("thickness = ", "gauge = ", "strip.gauge", "thickness = "),
+        ("radius = 0.5", "radius = 0.5\ncrown = 1e-3", "rollers.r1.crown", "crown = [0.0, -0.004]"),
         ("= 0.6", '= 0.6\ntype = "steady"', "stages.turn.type", "[[stages]] steady = true"),
         ("title = ", "entry = {tension = 5e3}\ntitle = ", "entry", "[[stages]] entry.tension"),
         ("width = ", "mesh_size = 0.01\nwidth = ", "strip.mesh_size", "refined = 0.01"),

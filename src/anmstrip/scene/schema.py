@@ -617,10 +617,16 @@ def mistakes_of(
 def better_value(kind: str, value: Any, place: Place, data: Mapping[str, Any]) -> str | None:
     """Return what was presumably meant by a wrong value, in TOML; None if nothing is likely.
 
-    A drive is the one that has what the stages give the roller.
+    A drive is the one that has what the stages give the roller, and a number for a crown what the
+    roller is thinner by at the strip's edges.
     """
     if place.field is None or (place.item and kind != "missing"):
         return None
+    strip = data.get("strip")
+    width = strip.get("width") if isinstance(strip, Mapping) else None
+    if place.name == "crown" and hints.is_number(value) and hints.is_number(width) and width > 0.0:
+        told = f"of a roller thinner by {value:g} m in radius at the edges of the strip"
+        return f"[0.0, {-4.0 * value / width**2:.3g}], {told}"
     if place.name == "name" and isinstance(value, str) and hints.name_like(value):
         return f'"{hints.name_like(value)}"'
     better = hints.likely_value(kind, value, place.meaning, place.field)
