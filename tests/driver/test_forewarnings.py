@@ -329,6 +329,7 @@ WRONG: list[tuple[list[tuple[str, Any]], str, str]] = [
     ),
     ([("material.yield_stress", 300.0)], "in MPa", "material.yield_stress=3e+08"),
     ([("material.density", 7.85)], "in g/cm³", "material.density=7850"),
+    ([("material.density", 7.85e-9)], "in t/mm³", "material.density=7850"),
     ([("threading.tension", 9.0)], "threading.tension = 9", "threading.tension=9e+03"),
     ([("threading.tension", 20.0)], "threading.tension = 20", "threading.tension=2e+04"),
     (
