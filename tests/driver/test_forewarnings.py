@@ -1631,3 +1631,23 @@ def test_costs_that_are_told_are_near_and_cured(
     if tables is DANCER:
         forces = [[r.normal_force for r in run.state.rollers.values()] for run in runs]
         np.testing.assert_allclose(*forces, rtol=2e-3)
+
+
+def test_a_roller_above_strip_that_hangs_below_it_is_touched_by_nothing() -> None:
+    """Weight was taken to bring all strip to all rollers, one without its side as well."""
+    words = "roller deflector is touched by nothing: the strip passes at 0.28 m"
+    tables = copy.deepcopy(BRIDLE)
+    tables["material"]["density"] = 7850.0
+    tables["threading"] = {"tension": 2e4, "entry": [-4.0, 0.0, 0.0], "exit": [2.4, 0.0, -1.6]}
+    tables["rollers"] = [
+        {"name": "deflector", "radius": 0.25, "centre": [0.0, 0.0, -0.25], "drive": "idle"},
+        {"name": "reel", "radius": 0.305, "centre": [2.0, 0.0, -1.5], "wrap": "over"},
+    ]
+    tables["stages"] = [
+        {"name": "run", "steady": True, "gravity": [0.0, 0.0, -9.81], "entry": {"tension": 2e4},
+         "rollers": {"reel": {"surface_speed": 1.0}}},
+    ]  # fmt: skip
+    tell = [line for line in warnings(preview_of(tables)) if words in line]
+    assert len(tell) == 1
+    tables["rollers"][0]["centre"] = [0.0, 0.0, -1.4]  # below it: weight may bring strip there
+    assert not [line for line in warnings(preview_of(tables)) if "deflector is touched" in line]
