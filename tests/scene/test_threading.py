@@ -531,10 +531,9 @@ def test_a_height_that_is_typed_as_y_is_told() -> None:
 def test_a_roller_just_below_pass_line_is_told_this_line() -> None:
     """Higher than that it would lift strip off the next one, and no centre was told at all."""
     drawn = [roller("a", 0.0, -0.40005, 0.4, "over"), roller("b", 2.0, -0.4, 0.4, "over")]
-    tables = {
-        "rollers": drawn,
-        "threading": {"tension": 1e4, "entry": (-1, 0, 0), "exit": (3, 0, 0)},
-    }
+    ends = {"tension": 1e4, "entry": (-1.0, 0.0, 0.0), "exit": (3.0, 0.0, 0.0)}
+    smooth = dict.fromkeys(("stiffness", "eta", "delta"))  # which sets in on the surface
+    tables = {"threading": ends, "rollers": drawn, "contact": smooth}
     with pytest.raises(InputError, match=r"centre = \[0.0, 0.0, -0.4\], on which it comes to lie"):
         Assembly(scene_of(tables)).thread  # noqa: B018
     drawn[0]["centre"] = [0.0, 0.0, -0.4]

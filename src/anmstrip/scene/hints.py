@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import re
+import tomllib
 import unicodedata
 from collections.abc import Iterable
+from contextlib import suppress
 from difflib import get_close_matches
 from typing import Annotated, Any, TypeGuard, get_args
 
@@ -17,7 +19,7 @@ UNIT_FACTORS = {
         **{"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "inch": 0.0254, "ft": 0.3048},
         **{"mil": 2.54e-5, **dict.fromkeys(("µm", "μm", "um", "micron", "microns"), 1e-6)},
     },
-    "s": {"s": 1.0, "ms": 1e-3, "min": 60.0},
+    "s": {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0},
     "Pa": {
         **{"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "psi": 6894.757, "ksi": 6.894757e6},
         **dict.fromkeys(("N/mm²", "N/mm2"), 1e6),
@@ -29,7 +31,11 @@ UNIT_FACTORS = {
         **dict.fromkeys(("m/min", "mpm"), 1.0 / 60.0),
         **dict.fromkeys(("ft/min", "fpm"), 0.00508),
     },
-    "rad/s": {"rad/s": 1.0, **dict.fromkeys(("rpm", "1/min"), math.pi / 30.0)},
+    "rad/s": {
+        "rad/s": 1.0,
+        **dict.fromkeys(("rpm", "1/min"), math.pi / 30.0),
+        "deg/s": math.pi / 180.0,
+    },
     "N m": {"Nm": 1.0, "kNm": 1e3, "Nmm": 1e-3, "Ncm": 1e-2},
     "kg/m³": {**dict.fromkeys(("kg/m³", "kg/m3"), 1.0), **dict.fromkeys(("g/cm³", "g/cm3"), 1e3)},
     "1": {"%": 1e-2},
@@ -79,6 +85,8 @@ PARTS_OF_STAGES = ("strip", "entry", "exit", "left", "right")
 
 NO_CONTROLS = {
     "axis": "axis in [[rollers]], for the whole run: no stage turns it",
+    "radius": "radius in [[rollers]], for the whole run: no stage changes it",
+    "centre": "move = [0.0, 0.0, 0.1], from where the roller is drawn",
     "acceleration": "surface_speed, to which it changes evenly over the duration of the stage",
     "force": "the tension that it makes: a weight G on a half turn of strip of width b is "
     "EDGE.tension = G/2b; or press = 1000.0 (N), of a roller that presses strip on another one",
@@ -117,6 +125,7 @@ FOREIGN_KEYS = {
     "tilt": "axis = [0.0, 1.0, 0.001], for an end at +y that is higher by 1 mrad",
     "temperature": "temperatures are those of the strip, strip.temperature",
     "speed": "the speed of its surface in a stage, rollers.NAME.surface_speed = 1.0",
+    "rpm": "the speed of turning in a stage, rollers.NAME.angular_speed = 6.28 (rad/s) for 60 rpm",
     **dict.fromkeys(
         ("force", "load", "nip_force", "line_load", "pressure"),
         "press = 1000.0 (N), of a roller that presses strip on another one",
@@ -129,8 +138,17 @@ QUANTITY = re.compile(
 )
 """A number, with a unit or without; a comma before three digits may stand between thousands."""
 
-DECIMAL_COMMA = re.compile(r"(=\s*[-+]?\d+),\s*(\d)")
-"""A decimal comma behind a key, which is not in a list."""
+BETTER_LINES = (
+    (r"(=\s*[-+]?\d+),\s*(\d)", r"\1.\2"),
+    (r"(=\s*[-+]?)(\.\d)", r"\g<1>0\2"),
+    (r"(=\s*[-+]?\d+)\.(?!\d)", r"\1.0"),
+    (r"[;,]$", ""),
+    (r"^([\w.]+)\s*:\s*", r"\1 = "),
+    (r"\s*=\s*([A-Za-z][^\"=]*)$", r' = "\1"'),
+    (r"\s*=\s*([-+]?\d[\d.eE+-]*\s*[^\d\s.,/*\[\]\"]\S*)$", r' = "\1"'),
+)
+"""What other files have instead of TOML, and what to type: a decimal comma behind a key, which is
+not in a list, numbers that begin or end with a point, other signs, and text without quotes."""
 
 
 def is_number(value: object) -> TypeGuard[float]:
@@ -143,7 +161,7 @@ def number_in(text: str, meaning: str) -> float | None:
 
     Examples
     --------
-    >>> number_in("5 s", "(s)"), number_in("0,5 mm", "above 0 (m)"), number_in("5 h", "(s)")
+    >>> number_in("5 s", "(s)"), number_in("0,5 mm", "above 0 (m)"), number_in("5 d", "(s)")
     (5.0, 0.0005, None)
     """
     found = QUANTITY.fullmatch(text)
@@ -244,17 +262,23 @@ def name_like(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9_-]+", "_", plain).strip("_")[:64]
 
 
-def with_decimal_point(line: str) -> str | None:
-    """Return a line of TOML with decimal points instead of commas, None if it has no such commas.
+def as_toml(line: str) -> str | None:
+    """Return a line as TOML has it, as with a decimal point for a comma; None if it is not known.
 
     Examples
     --------
-    >>> with_decimal_point("poisson = 0,3  # of steel"), with_decimal_point("cells = [16, 2]")
+    >>> as_toml("poisson = 0,3  # of steel"), as_toml("cells = [16, 2]")
     ('poisson = 0.3', None)
+    >>> as_toml("width = .5"), as_toml("kinematics: section;")
+    ('width = 0.5', 'kinematics = "section"')
     """
-    typed = line.partition("#")[0].strip()
-    better = DECIMAL_COMMA.sub(r"\1.\2", typed)
-    return better if better != typed else None
+    typed = better = line.partition("#")[0].strip()
+    for pattern, replacement in BETTER_LINES:
+        better = re.sub(pattern, replacement, better)
+        with suppress(tomllib.TOMLDecodeError):
+            tomllib.loads(better)
+            return better if better != typed else None
+    return None
 
 
 def expected_number(kind: str, value: object) -> str:
