@@ -1651,3 +1651,21 @@ def test_a_roller_above_strip_that_hangs_below_it_is_touched_by_nothing() -> Non
     assert len(tell) == 1
     tables["rollers"][0]["centre"] = [0.0, 0.0, -1.4]  # below it: weight may bring strip there
     assert not [line for line in warnings(preview_of(tables)) if "deflector is touched" in line]
+
+
+def test_a_roller_has_the_speed_of_itself() -> None:
+    """A line that runs away was told to slip on its last roller, or on the same one."""
+    tables = copy.deepcopy(BRIDLE)
+    tables["threading"] = {"tension": 3e3, "entry": [-2.0, 0.0, 0.25], "exit": [5.0, 0.0, -1.0]}
+    tables["rollers"] = [
+        {"name": name, "radius": 0.25, "centre": [x, 0.0, 0.0], "wrap": "over"}
+        for name, x in (("a", 0.0), ("b", 3.0))
+    ]
+    tables["stages"] = [
+        {"name": "run", "steady": True, "gravity": [0.0, 0.0, -9.81], "entry": {"tension": 3e3},
+         "exit": {"tension": 2e3},
+         "rollers": {"a": {"surface_speed": 1.0}, "b": {"surface_speed": 1.0002}}},
+    ]  # fmt: skip
+    found = warnings(preview_of(tables))
+    assert [line for line in found if "the strip runs away" in line]
+    assert not [line for line in found if "roller b goes at" in line]

@@ -893,7 +893,7 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
         fast = max(last, key=lambda name: last[name] * line, default="")
         runs_on = surely.get(stage.name, {}) if line > 0.0 else {}
         for name, told in others.items() if any(last.values()) else ():
-            if gathers(assembly, stage, name, fast):
+            if name == fast or gathers(assembly, stage, name, fast):
                 continue
             held = runs_on[fast][1] - runs_on[name][0] if runs_on else np.inf
             bound = min(usual, held)
