@@ -65,7 +65,9 @@ OTHER_NAMES = {
     "nu": ("poisson", 1.0),
     "rho": ("density", 1.0),
     "alpha": ("expansion", 1.0),
-    **dict.fromkeys(("mu", "dynamic", "kinetic"), ("coefficient friction", 1.0)),
+    **dict.fromkeys(
+        ("mu", "friction_coefficient", "dynamic", "kinetic"), ("coefficient friction", 1.0)
+    ),
     **dict.fromkeys(("brake", "drag", "drag_torque", "friction_torque"), ("bearing", 1.0)),
     **dict.fromkeys(("time", "end_time", "t_end"), ("duration", 1.0)),
     "dt": ("time_step", 1.0),
@@ -215,6 +217,7 @@ def key_like(key: str, value: object, known: Iterable[str]) -> str | None:
     'exit.tension = 5000'
     >>> key_like("thickness_mm", 0.7, ["thickness"]), key_like("diameter", "610 mm", ["radius"])
     ('thickness = 0.0007', 'radius = 0.305')
+    >>> key_like("tension_min", 5e3, ["tension"])
     """
     if isinstance(value, list) and key.lower() in ("position", "location") and "centre" in known:
         return f"centre = {value}"
@@ -227,10 +230,11 @@ def key_like(key: str, value: object, known: Iterable[str]) -> str | None:
         return None
     if control and part in PARTS_OF_STAGES and part in known:
         return f"{part}.{control} = {value:.6g}"
-    if (scale := ALL_UNITS.get(unit)) and (base in known or base.lower() in OTHER_NAMES):
+    scale = None if unit in ("in", "min") else ALL_UNITS.get(unit)  # a place, or the least
+    if scale and (base in known or base.lower() in OTHER_NAMES):
         key, value = base, float(scale * value)
     names, share = OTHER_NAMES.get(key.lower(), ("", 1.0))
-    name = next((name for name in (*names.split(), base) if name in known), None)
+    name = next((name for name in (*names.split(), key) if name in known), None)
     if name is None:
         return None
     if name == "every" and not isinstance(value, int):
