@@ -283,6 +283,41 @@ PULLED_OFF = merged(
     ],
 )  # fmt: skip
 
+SWAPPED = merged(  # the strip doubles back to either roller
+    BRIDLE,
+    threading={"tension": 1e4, "entry": [2.4, 0.0, -1.6], "exit": [-4.0, 0.0, 0.0]},
+    rollers=[{"name": "deflector", "radius": 0.25, "centre": [0.0, 0.0, -0.25], "wrap": "over"},
+             {"name": "reel", "radius": 0.3, "centre": [2.0, 0.0, -1.5], "wrap": "over"}],
+    stages=[{"name": "run", "steady": True, "entry": {"tension": 1e4},
+             "rollers": {n: {"surface_speed": 1.0} for n in ("deflector", "reel")}}],
+)  # fmt: skip
+HEARTH = merged(  # idle supports bear three quarters of the weight, and hold their bearings' 4 N/m
+    BRIDLE,
+    strip={"width": 1.5, "thickness": 1.5e-3},
+    material={"young": 1e11, "poisson": 0.3, "density": 7850.0},
+    friction={"coefficient": 0.3},
+    threading={"tension": 5e3, "entry": [-1.0, 0.0, 0.0], "exit": [13.0, 0.0, 0.0]},
+    rollers=[{"name": "in", "radius": 0.15, "centre": [0.0, 0.0, -0.15], "wrap": "over"},
+             *({"radius": 0.08, "centre": [x, 0.0, -0.08], "drive": "idle", "bearing": 0.5}
+               for x in (3.0, 6.0, 9.0)),
+             {"name": "out", "radius": 0.15, "centre": [12.0, 0.0, -0.15], "wrap": "over"}],
+    edges={"exit": {"fixed": ["z"]}},
+    stages=[{"name": "run", "steady": True, "gravity": [0.0, 0.0, -9.81],
+             "entry": {"tension": 5e3}, "exit": {"tension": 5.2e3},
+             "rollers": {name: {"surface_speed": 1.0} for name in ("in", "out")}}],
+)  # fmt: skip
+DEEP_LOOP = merged(  # w l = 38.5 N/m² · 4 m; the least pull of a level catenary is 0.7544 of that
+    BRIDLE,
+    strip={"width": 0.1, "thickness": 5e-4},
+    material={"young": 2e11, "poisson": 0.3, "density": 7850.0},
+    threading={"tension": 500.0, "entry": [-1.0, 0.0, 0.0], "exit": [5.0, 0.0, 0.0]},
+    rollers=[{"name": n, "radius": 0.15, "centre": [x, 0.0, -0.15], "wrap": "over"}
+             for n, x in (("a", 0.0), ("b", 4.0))],
+    edges={"exit": {"fixed": ["z"]}},
+    stages=[{"name": "hang", "friction": False, "gravity": [0.0, 0.0, -9.81],
+             "exit": {"tension": 100.0}}],
+)  # fmt: skip
+
 LAID_AND_PULLED = {
     "strip": {"kinematics": "section", "length": 5.0, "width": 1.0, "thickness": 1e-3},
     "material": {"young": 7e10, "poisson": 0.3, "density": 2700.0},
@@ -347,6 +382,11 @@ MORE: list[tuple[dict[str, Any], str, list[str]]] = [
                                       "exit": {"force": [0.0, 0.0, 0.0]}}]),
      "leaves the strip without tension", []),
     (LET_GO, "leaves the strip without tension", []),
+    (DEEP_LOOP, "between a and b is pulled by 100 N/m, and hangs by no less than 116", []),
+    (HEARTH, "friction, torques, bearings and weight hold 5.15e+03 N/m there",
+     ["stages.run.exit.tension=5.1e3"]),
+    (SWAPPED, "m inside of roller reel",
+     ["threading.entry=[-4.0, 0, 0]", "threading.exit=[2.4, 0, -1.6]"]),
     (UPRIGHT, "weighs 385 N/m, and 200 N/m pull it: it slides down", []),
     (TOUCHING, "moves a and b 0.097 m into one another", ["stages.run.rollers.b.move=[0, 0, 0]"]),
     (OVER_ITS_ENTRY, "moves b 0.078 m over the entry of the strip", []),

@@ -329,6 +329,7 @@ WRONG: list[tuple[list[tuple[str, Any]], str, str]] = [
     ),
     ([("material.yield_stress", 300.0)], "in MPa", "material.yield_stress=3e+08"),
     ([("material.density", 7.85)], "in g/cm³", "material.density=7850"),
+    ([("material.density", 7.85e-9)], "in t/mm³", "material.density=7850"),
     ([("threading.tension", 9.0)], "threading.tension = 9", "threading.tension=9e+03"),
     ([("threading.tension", 20.0)], "threading.tension = 20", "threading.tension=2e+04"),
     (
@@ -1630,3 +1631,41 @@ def test_costs_that_are_told_are_near_and_cured(
     if tables is DANCER:
         forces = [[r.normal_force for r in run.state.rollers.values()] for run in runs]
         np.testing.assert_allclose(*forces, rtol=2e-3)
+
+
+def test_a_roller_above_strip_that_hangs_below_it_is_touched_by_nothing() -> None:
+    """Weight was taken to bring all strip to all rollers, one without its side as well."""
+    words = "roller deflector is touched by nothing: the strip passes at 0.28 m"
+    tables = copy.deepcopy(BRIDLE)
+    tables["material"]["density"] = 7850.0
+    tables["threading"] = {"tension": 2e4, "entry": [-4.0, 0.0, 0.0], "exit": [2.4, 0.0, -1.6]}
+    tables["rollers"] = [
+        {"name": "deflector", "radius": 0.25, "centre": [0.0, 0.0, -0.25], "drive": "idle"},
+        {"name": "reel", "radius": 0.305, "centre": [2.0, 0.0, -1.5], "wrap": "over"},
+    ]
+    tables["stages"] = [
+        {"name": "run", "steady": True, "gravity": [0.0, 0.0, -9.81], "entry": {"tension": 2e4},
+         "rollers": {"reel": {"surface_speed": 1.0}}},
+    ]  # fmt: skip
+    tell = [line for line in warnings(preview_of(tables)) if words in line]
+    assert len(tell) == 1
+    tables["rollers"][0]["centre"] = [0.0, 0.0, -1.4]  # below it: weight may bring strip there
+    assert not [line for line in warnings(preview_of(tables)) if "deflector is touched" in line]
+
+
+def test_a_roller_has_the_speed_of_itself() -> None:
+    """A line that runs away was told to slip on its last roller, or on the same one."""
+    tables = copy.deepcopy(BRIDLE)
+    tables["threading"] = {"tension": 3e3, "entry": [-2.0, 0.0, 0.25], "exit": [5.0, 0.0, -1.0]}
+    tables["rollers"] = [
+        {"name": name, "radius": 0.25, "centre": [x, 0.0, 0.0], "wrap": "over"}
+        for name, x in (("a", 0.0), ("b", 3.0))
+    ]
+    tables["stages"] = [
+        {"name": "run", "steady": True, "gravity": [0.0, 0.0, -9.81], "entry": {"tension": 3e3},
+         "exit": {"tension": 2e3},
+         "rollers": {"a": {"surface_speed": 1.0}, "b": {"surface_speed": 1.0002}}},
+    ]  # fmt: skip
+    found = warnings(preview_of(tables))
+    assert [line for line in found if "the strip runs away" in line]
+    assert not [line for line in found if "roller b goes at" in line]

@@ -96,10 +96,49 @@ def test_what_the_reader_tells_to_type_takes_the_mistake_away(text: str) -> None
     ("strip.thickness", "12e-6", "thickness = 1.2e-05"),
     ("stages.turn.rollers.r1.angular_speed", "60 rpm", "angular_speed = 6.28318530718"),
     ("material.density", "7,85 g/cm3", "density = 7850.0"),
+    ("rollers.r1.radius", "12 in", "radius = 0.3048"),
+    ("strip.thickness", "700 micron", "thickness = 0.0007"),
+    ("stages.turn.rollers.r1.surface_speed", "300 mpm", "surface_speed = 5.0"),
+    ("stages.turn.rollers.r1.surface_speed", "300 ft/min", "surface_speed = 1.524"),
+    ("threading.tension", "30 MPa", "tension = 3e+07 t, with the thickness t (m) of the strip"),
+    ("rollers.r1.wrap", "clockwise", 'wrap = "over"'),
+    ("rollers.r1.wrap", "down", 'wrap = "under"'),
+    ("rollers.r1.drive", "driven", 'drive = "speed"'),
+    ("strip.thickness_mm", 0.7, "thickness = 0.0007"),
+    ("rollers.r1.diameter", "610 mm", "radius = 0.305"),
+    ("rollers.r1.brake", 60.0, "bearing = 60"),
+    ("rollers.r1.position", [0.0, 0.0, -0.5], "centre = [0.0, 0.0, -0.5]"),
+    ("material.E", "206 GPa", "young = 2.06e+11"),
+    ("stages.turn.end_time", 10.0, "duration = 10"),
+    ("stages.turn.duration", "1 h", "duration = 3600.0"),
+    ("stages.turn.friction", 0.2,
+     "friction = true, with coefficient = 0.2 in [friction], for the whole run"),
+    ("stages.turn.rollers.r1", 5.0, "rollers = { r1.surface_speed = 5 }"),
+    ("stages.turn.rollers.r1.centre", [0.0, 0.0, -0.6],
+     "move = [0.0, 0.0, 0.1], from where the roller is drawn"),
+    ("stages.turn.steps", 100, "nothing: errors choose the steps; solver.time_step fixes those"),
 ])  # fmt: skip
-def test_a_number_with_its_unit_is_answered_by_that_number(key, text, hint) -> None:
-    """An example, of 10 kN/m, was told to be typed for 100 N."""
+def test_a_value_as_others_type_it_is_answered_by_that_value(key, text, hint) -> None:
+    """An example, of 10 kN/m, was told to be typed for 100 N, and idle for driven."""
     tables = tomllib.loads(THREADED)
     *path, last = key.split(".")
     inner(tables, path)[last] = text
     assert hint in [mistake.hint for mistake in mistakes_in(tables)]
+
+
+@pytest.mark.parametrize(("line", "better"), [
+    ("thickness = 0,7e-3", "thickness = 0.7e-3"),
+    ("thickness = .7e-3", "thickness = 0.7e-3"),
+    ("thickness = 1.", "thickness = 1.0"),
+    ("thickness: 1.0e-3", "thickness = 1.0e-3"),
+    ("thickness = 1.0e-3;", "thickness = 1.0e-3"),
+    ("thickness = 0.7 mm", 'thickness = "0.7 mm"'),
+    ("kinematics = section", 'kinematics = "section"'),
+])  # fmt: skip
+def test_a_line_that_is_no_toml_is_told_as_one_that_is(line: str, better: str, tmp_path) -> None:
+    """It was told to be "valid TOML", whatever was wrong with it, but for a decimal comma."""
+    path = tmp_path / "line.toml"
+    path.write_text(THREADED.replace("thickness = 1.0e-3", line))
+    with pytest.raises(InputError) as found:
+        Scene.load(path)
+    assert [mistake.hint for mistake in found.value.mistakes] == [better]

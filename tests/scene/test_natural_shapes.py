@@ -154,6 +154,27 @@ def test_coil_set_curves_a_free_section(claim: Claim) -> None:
     assert np.abs(state.principal_forces).max() < 1e-6 * YOUNG * T
 
 
+@pytest.mark.parametrize("rest", [True, False])
+@pytest.mark.parametrize("curl", [2.0, -2.0])
+def test_a_curled_cantilever_hangs_by_its_weight(rest: bool, curl: float) -> None:
+    """It was led from the forces that hold it flat, which it left at a limit point."""
+    lie = {"name": "lie", "friction": False, "gravity": [0.0, 0.0, -9.81]}
+    tables = {
+        "strip": {"kinematics": "section", "length": 0.8, "width": 0.5, "thickness": 5e-4,
+                  "coil_set": curl},
+        "material": {"young": 2e11, "poisson": 0.3, "density": 7850.0},
+        "edges": {"entry": {"fixed": ["x", "z"], "clamped": True}},
+        "stages": [{"name": "rest", "friction": False}, lie] if rest else [lie],
+    }  # fmt: skip
+    run = Run(Scene.from_tables(tables, "curled.toml"))
+    *_, last = run
+    assert run.outcome.done and run.cost.expansions < 20, run.message
+    x, label = last.state.along("x"), last.state.along("arc_length")
+    lever = np.trapezoid(x - x[0], label)  # of the weight about the jaws
+    weighs = 7850.0 * 5e-4 * 9.81 * lever
+    assert last.state.clamp_moment("entry") == pytest.approx(weighs, rel=2e-3)
+
+
 @pytest.mark.parametrize(
     ("curls", "moment", "fixed"),
     [(5.0, 0.0, ()), (-5.0, 0.0, ()), (0.0, 20.0, ()), (2.5, 0.0, ("z",)), (2.0, -40.0, ("z",))],

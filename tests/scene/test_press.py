@@ -48,6 +48,9 @@ PINCH: dict[str, Any] = {
 }  # fmt: skip
 """Pinch rolls as drawn, the upper one 10 mm open."""
 
+LEVEL = {**PINCH, "threading": {"tension": PULL, "entry": [-1.0, 0.0, 0.0], "exit": [2.0, 0, 0]}}
+"""The same in a straight line, with the top of the lower one at the lower face of the strip."""
+
 SNUBBER: dict[str, Any] = {
     **PINCH,
     "threading": {"tension": 1e4, "entry": [-1.5, 0.0, 0.4], "exit": [-1.5, 0.0, -0.4]},
@@ -112,10 +115,11 @@ def pressing(state: State, roller: str) -> float:
     ("tables", "roller", "forces"),
     [
         (PINCH, "top", {"threading": 5e3, "start": 5e3, "pull": 1e4}),
+        (LEVEL, "top", {"threading": 5e3, "start": 5e3, "pull": 1e4}),
         (SNUBBER, "snubber", {"threading": 2e4, "run": 2e4, "less": 4e3}),
         (FLAT, "top", {"pull": 1500.0, "drive": 1500.0}),
     ],
-    ids=["pinch", "snubber", "flat"],
+    ids=["pinch", "level", "snubber", "flat"],
 )
 def test_the_force_is_what_is_given(
     tables: dict[str, Any], roller: str, forces: dict[str, float]

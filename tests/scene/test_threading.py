@@ -516,6 +516,30 @@ def test_rollers_drawn_in_another_order_than_strip_passes_them_are_told_the_righ
     assert Assembly(scene_of({"threading": ends, "rollers": drawn[::-1]})).thread is not None
 
 
+def test_a_height_that_is_typed_as_y_is_told() -> None:
+    """Of the roller before it another centre was proposed, and the other side."""
+    drawn = [roller("a", 0.0, -0.25, 0.25, "over"), roller("b", 2.0, -1.5, 0.3, "over")]
+    ends = {"tension": 1e4, "entry": (-4.0, 0.0, 0.0), "exit": (2.4, 0.0, -1.6)}
+    right, drawn[1] = list(drawn), roller("b", 2.0, 0.0, 0.3, "over")
+    drawn[1]["centre"] = [2.0, -1.5, 0.0]
+    with pytest.raises(InputError, match=r"rollers.b.centre = \[2, 0.0, -1.5\], or") as told:
+        Assembly(scene_of({"threading": ends, "rollers": drawn})).thread  # noqa: B018
+    assert "rollers.a.wrap" in str(told.value)
+    assert Assembly(scene_of({"threading": ends, "rollers": right})).thread is not None
+
+
+def test_a_roller_just_below_pass_line_is_told_this_line() -> None:
+    """Higher than that it would lift strip off the next one, and no centre was told at all."""
+    drawn = [roller("a", 0.0, -0.40005, 0.4, "over"), roller("b", 2.0, -0.4, 0.4, "over")]
+    ends = {"tension": 1e4, "entry": (-1.0, 0.0, 0.0), "exit": (3.0, 0.0, 0.0)}
+    smooth = dict.fromkeys(("stiffness", "eta", "delta"))  # which sets in on the surface
+    tables = {"threading": ends, "rollers": drawn, "contact": smooth}
+    with pytest.raises(InputError, match=r"centre = \[0.0, 0.0, -0.4\], on which it comes to lie"):
+        Assembly(scene_of(tables)).thread  # noqa: B018
+    drawn[0]["centre"] = [0.0, 0.0, -0.4]
+    assert Assembly(scene_of(tables)).thread is not None
+
+
 @pytest.mark.parametrize("far", [0.0, 1e6])
 @pytest.mark.parametrize("heavy", [False, True])
 def test_a_roller_that_stands_clear_of_the_strip_is_told_how_far_and_where_it_touches(

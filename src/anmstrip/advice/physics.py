@@ -203,10 +203,14 @@ def roller_in_the_way(preview: Preview) -> Iterator[str]:
     for roller in assembly.rollers:
         inside = -preview.strings[0].gaps.get(roller.name, 0.0)
         if inside > GRAZING_DEPTH * roller.radius and roller.name not in nipping:
+            told = f'rollers.{roller.name}.wrap = "over" or "under", in its place among the others'
+            if (
+                roller.name in assembly.thread.turns
+            ):  # passed, and run through on the way to another
+                told = "threading.entry in the place of threading.exit, or rollers in another order"
             yield (
                 f"the threaded strip would run {inside:.2g} m inside of roller {roller.name}. "
-                f'Try rollers.{roller.name}.wrap = "over" or "under", in its place among the '
-                f"others, or another rollers.{roller.name}.centre."
+                f"Try {told}, or another rollers.{roller.name}.centre."
             )
 
 
@@ -246,11 +250,13 @@ def roller_beyond_strip(preview: Preview) -> Iterator[str]:
 def untouched_roller(preview: Preview) -> Iterator[str]:
     """Rollers that the strip never touches, or comes off when they move."""
     scene, thread = preview.assembly.scene, preview.assembly.thread
-    if scene.contact is None or distributed_load(scene):
+    if scene.contact is None:
         return
-    beyond = beyond_flat_strip(preview)
+    beyond, loaded = beyond_flat_strip(preview), distributed_load(scene) > 0.0
     for roller in preview.assembly.rollers:
         if not abs(roller.unit_axis[1]) > 0.1 or roller.name in beyond:
+            continue
+        if loaded and not hangs_below(preview, roller):
             continue
         gap = min(string.gaps.get(roller.name, 0.0) for string in preview.strings)
         missed = gap > GRAZING_DEPTH * roller.radius and not moved_through(preview, roller)
@@ -275,6 +281,21 @@ def untouched_roller(preview: Preview) -> Iterator[str]:
                 break
             if wrapped and before and not touched:
                 yield from (f"{leaves}{why}" for why in pulled_off(preview.assembly, stage))
+
+
+def hangs_below(preview: Preview, roller: Roller) -> bool:
+    """Whether threaded strip passes below a roller, so that weight alone draws it further away."""
+    stages, place = preview.assembly.scene.stages, axis_crossing(roller)
+    if any(stage.pressure or (stage.gravity or (0.0, 0.0, 0.0))[2] > 0.0 for stage in stages):
+        return False
+    for string in preview.strings:
+        if string.path is None:
+            return False
+        s, _ = string.path.passing(place, STRIP_SAMPLES)
+        away = string.path.at(np.array([s]), 0)[0][:, 0] - np.ravel(place)
+        if away[1] > -0.5 * np.linalg.norm(away):
+            return False
+    return True
 
 
 def closest_nip(preview: Preview, roller: Roller) -> float:
@@ -625,7 +646,7 @@ def largest_tensions(
         By which the forces of nips are divided: estimates, as strip that bends off bears some.
     """
     assembly, forth = preview.assembly, end == ENDS[-1]
-    order, places = rollers_in_order(assembly)
+    order, places = with_supports(assembly, pulled)
     ways = np.diff(places, axis=0)
     lain = 0.5 * pulled.weight * np.abs(ways[:, 0])
     if "exit" not in assembly.scene.held_in("z"):  # the last roller bears the last run
@@ -643,7 +664,7 @@ def largest_tensions(
         pull = max(pull + weight * float(rise), 0.0)
         yield roller.name, pull
         lies = preview.lies(roller)
-        upwards = 0.0 if lies is None else lies[0][1] / np.linalg.norm(lies[0])
+        upwards = 1.0 if lies is None else lies[0][1] / np.linalg.norm(lies[0])
         rests = max(float(upwards * weighs), 0.0)
         load = pull * preview.turn(roller) + rests
         friction = coefficient_on(assembly.scene, assembly.specs[roller.name])
@@ -691,6 +712,33 @@ def rollers_in_order(assembly: Assembly) -> tuple[list[Roller], Array]:
         near.centre if end is None else np.subtract(end, assembly.origin) for end, near in typed
     )
     return order, np.array([first, *(roller.centre for roller in order), last])[:, [0, 2]]
+
+
+def with_supports(assembly: Assembly, pulled: Pulled) -> tuple[list[Roller], Array]:
+    """Return what :func:`rollers_in_order` does, also of rollers on which runs only hang through.
+
+    A run hangs from its chord by w x (l − x)/2T, and supports are touched from their tops.
+    """
+    order, places = rollers_in_order(assembly)
+    known, tension = {roller.name for roller in order}, min(pulled.ends.values())
+    if assembly.thread is None or not pulled.weight or tension <= 0.0:
+        return order, places
+    path = assembly.thread.middle.points[..., 0]
+    runs = list(zip(path[:, ::2].T, [*path[:, 1::2].T, places[-1]], strict=True))
+    for k, (start, end) in reversed(list(enumerate(runs))):
+        across, found = end[0] - start[0], list[Roller]()
+        for roller in (each for each in assembly.rollers if each.name not in known):
+            x, z = np.array(axis_crossing(roller)) - start
+            share = x / across if across else -1.0
+            gap = share * (end[1] - start[1]) - z - roller.radius - roller.half
+            sag = 0.5 * pulled.weight * x * (across - x) / tension
+            if 0.0 < share < 1.0 and -roller.half <= gap <= sag:
+                found.append(roller)
+        found.sort(key=lambda roller: float((roller.centre[0] - start[0]) / across))
+        order[k:k] = found
+        tops = [(roller.centre[0], roller.centre[2]) for roller in found]
+        places = np.insert(places, [k + 1] * len(tops), np.reshape(tops, (-1, 2)), axis=0)
+    return order, places
 
 
 def sharpest_curvature(preview: Preview, roller: Roller) -> float:
@@ -845,7 +893,7 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
         fast = max(last, key=lambda name: last[name] * line, default="")
         runs_on = surely.get(stage.name, {}) if line > 0.0 else {}
         for name, told in others.items() if any(last.values()) else ():
-            if gathers(assembly, stage, name, fast):
+            if name == fast or gathers(assembly, stage, name, fast):
                 continue
             held = runs_on[fast][1] - runs_on[name][0] if runs_on else np.inf
             bound = min(usual, held)

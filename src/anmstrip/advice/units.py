@@ -316,7 +316,8 @@ def doubtful_strip(preview: Preview) -> Iterator[Doubt]:
     if m.yield_stress is not None and m.yield_stress < 1e4:
         yield doubt("material.yield_stress", m.yield_stress, "Pa", "MPa", 1e6 * m.yield_stress)
     if m.density is not None and m.density < 100.0:
-        yield doubt("material.density", m.density, "kg/m³", "g/cm³", 1e3 * m.density)
+        meant, factor = ("t/mm³", 1e12) if m.density <= MAX_DENSITY else ("g/cm³", 1e3)
+        yield doubt("material.density", m.density, "kg/m³", meant, factor * m.density)
 
 
 def doubtful_friction(scene: SceneSpec) -> Iterator[Doubt]:

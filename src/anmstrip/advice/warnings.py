@@ -20,6 +20,7 @@ from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import KINEMATICS, SECTION, Kinematics
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.roller import Roller
+from anmstrip.mechanics.string_path import least_pull
 from anmstrip.results.plastic import MeanFlow
 from anmstrip.results.rollers import RUNNING_SLIP, ContactState
 from anmstrip.results.state import State
@@ -47,9 +48,11 @@ from anmstrip.simulation.meshing import (
     LAYER_SHARE,
     MAX_ELEMENTS,
     contact_stands,
+    hanging_runs,
     memory_of_machine,
     mesh_density,
     most_unknowns,
+    pulls_of_runs,
     surface_speed,
 )
 from anmstrip.simulation.problem import MAX_HALVED_UNKNOWNS, Assembly, Size, naturals, size_of
@@ -797,6 +800,37 @@ def heavy_pass(preview: Preview) -> Iterator[str]:
                 )
 
 
+def bottomless_loop(preview: Preview) -> Iterator[str]:
+    """Stages that pull a run of string by less than any catenary bears, so that it sinks on and on.
+
+    Runs are looked at up to the first roller before the exit that friction may hold.
+    """
+    scene, thread = preview.assembly.scene, preview.assembly.thread
+    if thread is None or scene.threading is None or scene.threading.closed:
+        return
+    bent, runs = bending_stiffness(scene), np.diff(thread.middle.points[..., 0])[:, ::2].T
+    for stage, held in held_along(scene.threading, scene.edges, scene.stages):
+        loads = preview.assembly.loads_of(stage)
+        if loads is None or loads.weight <= 0.0 or "exit" in held:
+            continue
+        pulls, hanging = pulls_of_runs(thread, loads), hanging_runs(thread, loads)
+        for k in reversed(range(1, len(thread.rollers))):
+            behind, run = thread.rollers[k].name, runs[k]
+            if stage.friction and scene.friction is not None and behind not in loads.gains:
+                break
+            least, across = least_pull(run, loads.weight), abs(float(run[0]))
+            sags = loads.weight * across**3 > 6.0 * STIFF_SLOPE * bent
+            if sags and 0.0 < pulls[k] <= least and not hanging[k].any():
+                pull = physics.two_digits(loads.exit + 1.5 * least - pulls[k], np.ceil)
+                yield (
+                    f"in stage {stage.name} the strip between {thread.rollers[k - 1].name} and "
+                    f"{behind} is pulled by {pulls[k]:.3g} N/m, and hangs by no less than "
+                    f"{least:.3g}: it sinks on and on. "
+                    f"Try --set stages.{stage.name}.exit.tension={pull:g}"
+                )
+                break
+
+
 def weight_of(preview: Preview, plan: StageProblem) -> float:
     """Return the weight of the strip at the end of a stage, per area (Pa)."""
     strip, gravity = preview.assembly.strip, plan.controls.at(1.0).get("gravity", np.zeros(3))
@@ -1164,7 +1198,7 @@ SERIOUS_RULES = (
     sharp_roller, soft_contact, onset_near_round_off, slack_start, unheld_strip, released_strip,
     physics.beyond_capacity, physics.torque_beyond_friction, physics.strip_without_tension,
     physics.slack_by_heat, physics.strip_runs_out, slack_end, heavy_strip, heavy_pass,
-    strict_tolerance,
+    bottomless_loop, strict_tolerance,
 )  # fmt: skip
 OTHER_RULES = (
     free_motions, coarse_mesh, coarse_hinges, late_yield, slipping_friction, many_tangents,

@@ -106,21 +106,38 @@ def catenary(run: Array, weight: float, pull: float) -> tuple[float, float, floa
     across, rise = abs(float(run[0])), float(run[1])
     angle = _inclination(run)
 
-    def shape(a: float) -> tuple[float, float, float]:
-        length = float(np.hypot(rise, 2.0 * a * np.sinh(0.5 * across / a)))
-        low = 0.5 * across - a * np.arctanh(rise / length)
-        return length, -float(np.sinh(low / a)), float(np.sinh((across - low) / a))
-
     def missing(a: float) -> float:
-        return weight * a * float(np.hypot(1.0, shape(a)[2])) - pull
+        return weight * a * float(np.hypot(1.0, _shape(run, a)[2])) - pull
 
     if not NEGLIGIBLE_WEIGHT * pull < weight * across or missing(across / DEEP_CATENARY) >= 0.0:
         return 0.0, 0.0, 0.0
     from scipy.optimize import brentq
 
-    length, first, last = shape(brentq(missing, across / DEEP_CATENARY, pull / weight))
+    length, first, last = _shape(run, brentq(missing, across / DEEP_CATENARY, pull / weight))
     longer = length - float(np.hypot(across, rise))
     return longer, float(angle - np.arctan(first)), float(np.arctan(last) - angle)
+
+
+def least_pull(run: Array, weight: float) -> float:
+    """Return the tension at its end below which no catenary hangs (N/m), 0.75 w l of a level run.
+
+    The arguments are those of :func:`catenary`.
+
+    Examples
+    --------
+    >>> round(least_pull(np.array([4.0, 0.0]), 38.5), 1)
+    116.2
+    """
+    a = abs(float(run[0])) / DEEP_CATENARY
+    return weight * a * float(np.hypot(1.0, _shape(run, a)[2])) if a else 0.0
+
+
+def _shape(run: Array, a: float) -> tuple[float, float, float]:
+    """Return the length of a catenary of the parameter a (m), and its slopes at start and end."""
+    across, rise = abs(float(run[0])), float(run[1])
+    length = float(np.hypot(rise, 2.0 * a * np.sinh(0.5 * across / a)))
+    low = 0.5 * across - a * np.arctanh(rise / length)
+    return length, -float(np.sinh(low / a)), float(np.sinh((across - low) / a))
 
 
 def supported_catenary(

@@ -349,8 +349,8 @@ class Override:
         try:
             (value,) = tomllib.loads(f"value = {typed}").values()
         except (ValueError, RecursionError):
-            pointed = hints.with_decimal_point(f"{key}={typed}")
-            if pointed is not None and not cls.parse(pointed).bare:
+            pointed = hints.as_toml(f"{key}={typed}")
+            if pointed is not None and '"' not in pointed and not cls.parse(pointed).bare:
                 hint = f"--set {pointed}"
                 raise wrong_override(text, key, typed, "a value in TOML syntax", hint) from None
             return cls(text, tuple(path), typed, bare=True)
@@ -546,8 +546,9 @@ def parse_scene(text: str, source: str) -> dict[str, Any]:
             key, lines = f"line {number}", text.splitlines()
             value = lines[int(number) - 1] if int(number) <= len(lines) else None
             hint = "valid TOML: key = value, text in quotes, each key once"
-            if pointed := hints.with_decimal_point(value or ""):
-                expected += "; numbers have a decimal point, not a comma"
+            if value and (pointed := hints.as_toml(value)):
+                comma = "," in value and "," not in pointed
+                expected += "; numbers have a decimal point, not a comma" * comma
                 hint = pointed
     raise InputError([Mistake(source, key, value, expected, hint)])
 
@@ -629,6 +630,10 @@ def better_value(kind: str, value: Any, place: Place, data: Mapping[str, Any]) -
         return f"[0.0, {-4.0 * value / width**2:.3g}], {told}"
     if place.name == "name" and isinstance(value, str) and hints.name_like(value):
         return f'"{hints.name_like(value)}"'
+    if place.name == "friction" and hints.is_number(value) and kind.startswith("bool"):
+        return f"true, with coefficient = {value:g} in [friction], for the whole run"
+    if place.name == "rollers" and hints.is_number(value) and place.keys[-1] != "rollers":
+        return f"{{ {place.keys[-1]}.surface_speed = {value:g} }}"
     better = hints.likely_value(kind, value, place.meaning, place.field)
     if place.name == "drive" and better is None:
         given = set[str]()

@@ -6,6 +6,7 @@ import importlib
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
 from inspect import signature
@@ -343,14 +344,21 @@ class Assembly:
     def faces(self) -> bool:
         """Whether rollers touch the faces of the strip: as typed, or as those of nips are drawn.
 
-        Two that leave half of its thickness or more between them do not touch its mid-surface.
+        Two that leave half of its thickness or more between them do not touch its mid-surface, nor
+        does the lower one of pinch rolls whose top stands at the lower face of straight strip.
         """
         scene, contact = self.scene, self.scene.contact
         if contact is None or contact.faces is not None or len(scene.rollers) < 2:
             return contact is not None and bool(contact.faces)
-        rollers = rollers_of(scene, self.origin, False)
-        layout = Layout(scene, rollers, self._thread(rollers))
-        room, wrapped = 0.5 * scene.strip.thickness, {r.name for r in scene.rollers if r.wrap}
+        rollers, room = rollers_of(scene, self.origin, False), 0.5 * scene.strip.thickness
+        wrapped = {r.name for r in scene.rollers if r.wrap}
+        try:
+            layout = Layout(scene, rollers, self._thread(rollers))
+        except InputError:
+            if len(wrapped) < len(rollers):
+                with suppress(InputError):
+                    return self._thread(rollers_of(scene, self.origin, True)) is not None
+            raise
         found = {nip.names for nips in layout.nips for nip in nips if nip.gap >= room}
         return any(not wrapped.issuperset(names) for names in found)
 

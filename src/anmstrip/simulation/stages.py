@@ -94,15 +94,17 @@ class Course:
             self.values[f"rollers.{name}.press"] = np.array(self.assembly.begun_press(name))
 
     def _is_laid(self, stage: StageSpec) -> bool:
-        """Return whether a stage lays flat strip on rollers: its own curvature grows in it.
+        """Return whether a stage lays flat strip: its own curvature grows in it.
 
         As it does it is everywhere as far off the rollers as at the end.  All of it before any load
         would have the strip stand on a roller or two: a sheet that took 2 560 tangents for 3e-5 of
-        the stage takes 82.
+        the stage takes 82.  Without rollers a clamped strip that is curved by 1.6 would be led from
+        the forces that hold it flat to none, which it leaves at a limit point.
         """
         scene = self.assembly.scene
         pressed = stage.gravity is not None or stage.pressure is not None
-        return pressed and stage is scene.stages[0] and bool(scene.rollers) and not scene.threading
+        free = not (scene.rollers or stage.edges or stage.strip.natural)
+        return (pressed or free) and stage is scene.stages[0] and not scene.threading
 
     def _curls(self) -> dict[str, Array]:
         """Return curvatures that the strip has without moments."""

@@ -466,11 +466,13 @@ def _clear_of(scene: SceneSpec, thread: Thread, index: int) -> tuple[float, list
         gap = float(np.linalg.norm(towards)) - roller.radius
         if sense != thread.senses[index] or not 0.0 < gap < roller.radius:
             return None
-        x, z = towards * (1.0 - (1.0 - TOUCHING_DEPTH) * roller.radius / (gap + roller.radius))
-        rollers[index] = replace(roller, centre=tuple(np.add(roller.centre, [x, 0.0, z])))
-        _with_ends(scene, replace(thread, rollers=rollers)).middle  # noqa: B018
         typed = next(each.centre for each in scene.rollers if each.name == roller.name)
-        return gap, [round(float(v), 6) for v in np.add(typed, [x, 0.0, z])]
+        for depth in (TOUCHING_DEPTH, 0.0):  # at pass line where others beside it stand there
+            x, z = towards * (1.0 - (1.0 - depth) * roller.radius / (gap + roller.radius))
+            rollers[index] = replace(roller, centre=tuple(np.add(roller.centre, [x, 0.0, z])))
+            with suppress(NotTouchedError):
+                _with_ends(scene, replace(thread, rollers=rollers)).middle  # noqa: B018
+                return gap, [round(float(v), 6) for v in np.add(typed, [x, 0.0, z])]
     return None
 
 
@@ -513,7 +515,7 @@ def _refused(scene: SceneSpec, thread: Thread, error: ValueError) -> InputError:
             laid = any(stage.gravity or own.name in stage.moves for stage in scene.stages)
             brings = "no wrap: weight or its move then brings it there, or " * laid
             hint = f"{brings}centre = {centre}, on which it comes to lie, or {hint}"
-        hint = ", or ".join([*_if_in_millimetres(scene), hint])
+        hint = ", or ".join([*_if_in_millimetres(scene), *_heights_for_y(scene, thread), hint])
         if turn < -0.5 * np.pi and (order := _order_that_fits(scene, thread)):  # it doubles back
             hint = f"the tables of rollers in the order {order}, as strip passes them, or {hint}"
         return scene.refused(f"rollers.{names[index]}.wrap", own.wrap, expected, hint)
@@ -531,6 +533,23 @@ def _refused(scene: SceneSpec, thread: Thread, error: ValueError) -> InputError:
     expected = f"room for a straight run from {before} to {after}, which overlap"
     hint = ", or ".join(["a place further away", *_if_in_millimetres(scene)])
     return scene.refused(key, _places(scene)[key], expected, hint)
+
+
+def _heights_for_y(scene: SceneSpec, thread: Thread) -> Iterator[str]:
+    """Yield centres with y and z exchanged, if the strip then passes all rollers as it is asked to.
+
+    Rollers that are typed at z = 0, beside the strip, may come from a drawing with y upwards.
+    """
+    typed = {r.name: r.centre for r in scene.rollers if r.centre[1] != 0.0 == r.centre[2]}
+    moved = []
+    for roller in thread.rollers:
+        _, y, _ = typed.get(roller.name, (0.0, 0.0, 0.0))
+        moved.append(replace(roller, centre=tuple(np.add(roller.centre, [0.0, -y, y]))))
+    with suppress(NotTouchedError, NoTangentError, InputError):
+        _with_ends(scene, replace(thread, rollers=moved)).middle  # noqa: B018
+        yield from (
+            f"rollers.{name}.centre = [{x:g}, 0.0, {y:g}]" for name, (x, y, _) in typed.items()
+        )
 
 
 def _places(scene: SceneSpec) -> dict[str, Any]:
