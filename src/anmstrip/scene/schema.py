@@ -618,23 +618,15 @@ def mistakes_of(
 def better_value(kind: str, value: Any, place: Place, data: Mapping[str, Any]) -> str | None:
     """Return what was presumably meant by a wrong value, in TOML; None if nothing is likely.
 
-    A drive is the one that has what the stages give the roller, and a number for a crown what the
-    roller is thinner by at the strip's edges.
+    A drive is the one that has what the stages give the roller.
     """
     if place.field is None or (place.item and kind != "missing"):
         return None
-    strip = data.get("strip")
-    width = strip.get("width") if isinstance(strip, Mapping) else None
-    if place.name == "crown" and hints.is_number(value) and hints.is_number(width) and width > 0.0:
-        told = f"of a roller thinner by {value:g} m in radius at the edges of the strip"
-        return f"[0.0, {-4.0 * value / width**2:.3g}], {told}"
     if place.name == "name" and isinstance(value, str) and hints.name_like(value):
         return f'"{hints.name_like(value)}"'
-    if place.name == "friction" and hints.is_number(value) and kind.startswith("bool"):
-        return f"true, with coefficient = {value:g} in [friction], for the whole run"
-    if place.name == "rollers" and hints.is_number(value) and place.keys[-1] != "rollers":
-        return f"{{ {place.keys[-1]}.surface_speed = {value:g} }}"
     better = hints.likely_value(kind, value, place.meaning, place.field)
+    if hints.is_number(value) and (more := more_than_number(kind, value, place, data)):
+        return more
     if place.name == "drive" and better is None:
         given = set[str]()
         for stage in stages_as_typed(data.get("stages")):
@@ -642,6 +634,23 @@ def better_value(kind: str, value: Any, place: Place, data: Mapping[str, Any]) -
             given.update(control if isinstance(control, Mapping) else ())
         return next((f'"{drive}"' for key, drive in DRIVES.items() if key in given), None)
     return better
+
+
+def more_than_number(kind: str, value: float, place: Place, data: Mapping[str, Any]) -> str | None:
+    """Return what was presumably meant by a number where none is expected; None if not likely.
+
+    That of a crown is what the roller is thinner by at the edges of the strip.
+    """
+    strip = data.get("strip")
+    width = strip.get("width") if isinstance(strip, Mapping) else None
+    if place.name == "crown" and hints.is_number(width) and width > 0.0:
+        told = f"of a roller thinner by {value:g} m in radius at the edges of the strip"
+        return f"[0.0, {-4.0 * value / width**2:.3g}], {told}"
+    if place.name == "friction" and kind.startswith("bool"):
+        return f"true, with coefficient = {value:g} in [friction], for the whole run"
+    if place.name == "rollers" and place.keys[-1] != "rollers":
+        return f"{{ {place.keys[-1]}.surface_speed = {value:g} }}"
+    return None
 
 
 def told_once(found: Iterable[Mistake]) -> list[Mistake]:
