@@ -12,10 +12,11 @@ import numpy as np
 from scipy.sparse import csc_matrix
 
 from anmstrip.arrays import Array, Index
-from anmstrip.continuation.path import Branch, Timer
+from anmstrip.continuation.path import Branch, Recurrence, Timer
 from anmstrip.fem.operators import Blocks, Chain, Chained, Eliminated, Pattern
 from anmstrip.fem.sampling import remember
 from anmstrip.fem.strip import Scales, Strip, Supports
+from anmstrip.linalg.direct import Factors
 from anmstrip.linalg.solvers import Bordered, Condensed, Joined, Joining
 from anmstrip.mechanics.effects import (
     LAW_WIDTH,
@@ -213,6 +214,8 @@ class Equilibrium:
     ----------
     metric : ndarray, shape (free,)
         Of changes of position: mean square over the nodes, over the length scale.
+    ahead : tuple or None
+        u, λ, order, series and factors of the next branch where they were needed before it.
     """
 
     model: Model
@@ -220,6 +223,7 @@ class Equilibrium:
     controls: Controls
     velocity: AffineVelocity | None = None
     moving: Array | None = None
+    ahead: tuple[Array, float, int, Recurrence, Factors] | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         model, free, units = self.model, self.supports.free, self.model.units.copy()
@@ -271,6 +275,13 @@ class Equilibrium:
     def recurrence(self, u: Array, control: float, order: int) -> EquilibriumSeries:
         """Start the series at a point."""
         return EquilibriumSeries(self, u, control, order)
+
+    def known(self, u: Array, control: float, order: int) -> tuple[Recurrence, Factors] | None:
+        """Return the series and factors ``ahead`` if they are of this point, and forget them."""
+        ahead, self.ahead = self.ahead, None
+        if ahead is None or ahead[1:3] != (control, order) or not np.array_equal(ahead[0], u):
+            return None
+        return ahead[3:]
 
     def residual(self, u: Array, control: float) -> Array:
         """Imbalance of the free unknowns, shape (free,)."""

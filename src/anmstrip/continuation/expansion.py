@@ -21,9 +21,11 @@ from anmstrip.continuation.path import (
     Evidence,
     Outcome,
     PathStopped,
+    Recurrence,
     inner,
     size,
 )
+from anmstrip.linalg.direct import Factors
 from anmstrip.linalg.solvers import LinearSolver
 from anmstrip.taylor.polynomials import first_root
 
@@ -45,6 +47,18 @@ class Parameter:
     arclength: bool = False  # follow pseudo-arclength instead of the control
     forward: tuple[Array, float] | None = None  # direction (u, λ) of travel so far, on an arc
     relaxation: float = 0.0  # change of the control over which a small imbalance is taken away
+
+
+def linearised(
+    equations: Equations, u: Array, control: float, order: int, solver: LinearSolver, cost: Cost
+) -> tuple[Recurrence, Factors]:
+    """Return series that begin at a point, and factors of its tangent; ``cost`` times them."""
+    with cost.timed("series"):
+        recurrence = equations.recurrence(u, control, order)
+    with cost.timed("tangent"):
+        matrix = recurrence.tangent()
+    with cost.timed("factorisation"):
+        return recurrence, solver.factorise(matrix)
 
 
 def expand(
@@ -100,12 +114,8 @@ def expand(
     cost = Cost() if cost is None else cost
     if cost.expansions >= cost.most:
         raise PathStopped(Outcome.TOO_MANY_TANGENTS, control)
-    with cost.timed("series"):
-        recurrence = equations.recurrence(u, control, order)
-    with cost.timed("tangent"):
-        matrix = recurrence.tangent()
-    with cost.timed("factorisation"):
-        factors = solver.factorise(matrix)
+    known = equations.known(u, control, order)
+    recurrence, factors = known or linearised(equations, u, control, order, solver, cost)
     cost.expansions += 1
     cost.factorisations += 1
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polymul, polysub
 
 from anmstrip.arrays import Array
+from anmstrip.linalg.direct import Factors
 from anmstrip.taylor.polynomials import derivative_coefficients, first_root, roots_within, value_at
 
 TINY = float(np.finfo(float).tiny)
@@ -52,8 +53,8 @@ class Equations(Protocol):
        that the length of a change is dimensionless.
     4. ``unaccelerated`` is asked for by Newton's method alone.
     5. ``smoother`` is asked for where a path stalls at corners of the laws.
-    6. A class that inherits from this one has no interior check unless it writes one, no
-       velocities, and no corners.
+    6. A class that inherits from this one knows no series beforehand, has no interior check unless
+       it writes one, no velocities, and no corners.
     """
 
     @property
@@ -68,6 +69,13 @@ class Equations(Protocol):
 
     def imbalance(self, residual: Array) -> float:
         """Size of a residual in units of the problem's own forces."""
+
+    def known(self, u: Array, control: float, order: int) -> tuple[Recurrence, Factors] | None:
+        """Series at a point and factors of its tangent where somebody has had them made, or None.
+
+        They are handed over: who asks again gets nothing.
+        """
+        return None
 
     def interior_check(self, branch: Branch) -> float | None:
         """Parameter inside a branch at which something acts that neither end shows, or None."""

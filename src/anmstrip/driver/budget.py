@@ -42,6 +42,7 @@ from anmstrip.results.wrinkles import (
     free_spans,
 )
 from anmstrip.scene.tables import ENDS
+from anmstrip.simulation.march import March
 from anmstrip.simulation.meshing import mesh_density
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course
@@ -402,7 +403,7 @@ class Budget:
             moved[1, free] = errors.rate * (moved[0, free] - before)
             yield self.straight(state, moved, sharper=rest is laws)
 
-    def of_solver(self, state: State, memory: Memory | None) -> dict[str, float]:
+    def of_solver(self, state: State, march: March) -> dict[str, float]:
         """Return what path and steps in time together make of any state, nothing if not known.
 
         The largest error of a membrane force (N/m) and of a ``position`` (m).  Of a state without
@@ -411,18 +412,17 @@ class Budget:
         Parameters
         ----------
         state : State
-        memory : Memory or None
-            Of the step in time that the state belongs to.
+        march : March
+            That has come to it.
         """
-        moved, free = np.zeros_like(state.full), state.plan.supports.free
         if state.plan.in_time:
-            if memory is None or memory.errors is None:
+            if march.memory is None or march.memory.errors is None:
                 return {}
-            moved[free] = memory.errors.after[:2].sum(axis=0)
+            moved = np.zeros_like(state.full)
+            moved[state.plan.supports.free] = march.memory.errors.after[:2].sum(axis=0)
         else:
-            point = frozen_problem(state).equations().recurrence(np.zeros(len(free)), 0.0, 1)
             try:
-                moved[free] = self.solver.factorise(point.tangent()).solve(point.residual)
+                moved = march.newton_correction(state)
             except (SingularTangentError, MemoryError):
                 return {}
         found = {"position": float(np.abs(moved[state.plan.model.value_unknowns]).max())}

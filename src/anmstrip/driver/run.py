@@ -152,7 +152,7 @@ def unpack(run: Run, arrays: Mapping[str, Array], facts: Mapping[str, Any]) -> N
 def errors_of(budget: Budget, march: March, state: State) -> dict[str, float]:
     """Return what the solver makes a state wrong by that is about to be written."""
     with march.cost.timed("errors of states"):
-        return budget.of_solver(state, march.memory)
+        return budget.of_solver(state, march)
 
 
 def doubled_in_length(state: State) -> bool:

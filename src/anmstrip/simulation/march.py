@@ -13,6 +13,7 @@ import numpy as np
 
 from anmstrip.arrays import Array
 from anmstrip.continuation import newton
+from anmstrip.continuation.expansion import linearised
 from anmstrip.continuation.follow import Pace, PathSolver, PathStep, Relaxation, Settings, follow
 from anmstrip.continuation.path import (
     LARGEST_PATH_IMBALANCE,
@@ -174,6 +175,8 @@ class March:
         Whether this stage began with a slack strip, see :meth:`_slack`.
     past : StageProblem or None
         The stage before.
+    equations : Equilibrium or None
+        Of the rate-free path under way.
     conveyed : float
         Unstressed length (m) of the strip that has been fed in, in time.
     follow : callable
@@ -194,6 +197,7 @@ class March:
         self.memory: Memory | None = None
         self.slack = False
         self.past: StageProblem | None = None
+        self.equations: Equilibrium | None = None
         self.conveyed = 0.0
 
     def planned(self, stage: StageSpec, state: State | None) -> StageProblem:
@@ -335,6 +339,24 @@ class March:
         self.pace = step.past if isinstance(step.past, Pace) else None
         self.memory = step.past if isinstance(step.past, Memory) else None
 
+    def newton_correction(self, state: State) -> Array:
+        """Return the correction of a state on the rate-free path, of all unknowns.
+
+        Its series and factors are kept for the branch that goes on from there.
+
+        Raises
+        ------
+        SingularTangentError
+        MemoryError
+        """
+        free, moved = state.plan.supports.free, np.zeros_like(state.full)
+        equations, order = self.equations or state.plan.equations(), self.assembly.order
+        point = state.full[free], state.control, order
+        series, factors = linearised(equations, *point, self.solver, self.cost)
+        equations.ahead = (*point, series, factors)
+        moved[free] = factors.solve(series.residual)
+        return moved
+
     def finish(self, stage: StageSpec, plan: StageProblem) -> None:
         """Leave a stage."""
         if not plan.steady:
@@ -353,6 +375,7 @@ class March:
                 self.velocity[: self.assembly.strip.unknowns] = 0.0
                 self.velocity[last] = speed
         self.reached, self.pace, self.slack, self.past = None, None, False, plan
+        self.equations = None
 
     def through(self, plan: StageProblem, steps: int, *, between: bool = False) -> Iterator[Step]:
         """Steps to the end of a stage, at most so many; each must be accepted.
@@ -375,6 +398,7 @@ class March:
     def _rate_free(self, plan: StageProblem, settings: Settings, direct: bool) -> Iterator[Step]:
         path = self._settled if direct else self._path
         u, equations = self._start(plan)
+        self.equations = equations
         begun, floor = self.reached or 0.0, 0.0
         imbalance = equations.imbalance(equations.residual(u, begun))
         if imbalance < LARGEST_PATH_IMBALANCE:  # not of a guess
