@@ -83,19 +83,6 @@ def require_finite(matrix: csc_matrix) -> None:
         raise NonFiniteTangentError(int(np.searchsorted(matrix.indptr, first, side="right")) - 1)
 
 
-def column_maxima(matrix: csc_matrix, entries: Array) -> Array:
-    """Return the largest of each column of entries that stand as those of a matrix, 0 of none."""
-    filled = np.flatnonzero(matrix.indptr[1:] > matrix.indptr[:-1])
-    maxima = np.zeros(matrix.shape[1])
-    maxima[filled] = np.maximum.reduceat(entries, matrix.indptr[filled])
-    return maxima
-
-
-def is_well_scaled(largest: Array) -> bool:
-    """Return whether the largest entries of all columns are of order one."""
-    return bool(largest.max() < WELL_SCALED and largest.min() > 1.0 / WELL_SCALED)
-
-
 def equilibrate(matrix: csc_matrix) -> Array:
     """Factors d such that the largest d_i |K_ij| d_j of every column is of order one.
 
@@ -103,15 +90,22 @@ def equilibrate(matrix: csc_matrix) -> Array:
     is (multipliers), the iteration of Ruiz (2001) goes on from there.
     """
 
+    filled = np.flatnonzero(matrix.indptr[1:] > matrix.indptr[:-1])
+
+    def column_maxima(entries: Array) -> Array:
+        maxima = np.zeros(matrix.shape[1])
+        maxima[filled] = np.maximum.reduceat(entries, matrix.indptr[filled])
+        return maxima
+
     magnitude = np.abs(matrix.data)
-    largest = column_maxima(matrix, magnitude)
+    largest = column_maxima(magnitude)
     require_stiffness(largest)
     diagonal = np.abs(matrix.diagonal())
     d = 1.0 / np.sqrt(np.where(diagonal > 1e-8 * largest, diagonal, largest))
     with np.errstate(all="ignore"):  # stiffness may be as small as doubles are
         for _ in range(MAX_SCALINGS):
-            size = d * column_maxima(matrix, magnitude * d[matrix.indices])
-            if is_well_scaled(size):
+            size = d * column_maxima(magnitude * d[matrix.indices])
+            if size.max() < WELL_SCALED and size.min() > 1.0 / WELL_SCALED:
                 break
             d /= np.sqrt(size)
         require_stiffness(np.isfinite(d))
@@ -185,8 +179,7 @@ class Plan:
     def scaled(self, matrix: csc_matrix) -> tuple[csc_matrix, Array]:
         """Matrix of the entries d_i K_ij d_j, in the order of the given one, and d.
 
-        See :func:`equilibrate`; of a matrix that is positive definite the diagonal is enough, and
-        one that is scaled, as within a border, stays what it is.
+        See :func:`equilibrate`; of a matrix that is positive definite the diagonal is enough.
         """
         found, diagonal = copy(matrix), matrix.diagonal()
 
@@ -201,8 +194,6 @@ class Plan:
                 d = multiply(1.0 / np.sqrt(diagonal))
             if max(found.data.max(), -found.data.min()) < WELL_SCALED:
                 return found, d
-        elif is_well_scaled(column_maxima(matrix, np.abs(matrix.data))):
-            return matrix, np.ones(len(diagonal))
         return found, multiply(equilibrate(matrix))
 
     def fits(self, matrix: csc_matrix) -> bool:
