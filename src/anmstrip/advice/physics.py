@@ -204,9 +204,7 @@ def roller_in_the_way(preview: Preview) -> Iterator[str]:
         inside = -preview.strings[0].gaps.get(roller.name, 0.0)
         if inside > GRAZING_DEPTH * roller.radius and roller.name not in nipping:
             told = f'rollers.{roller.name}.wrap = "over" or "under", in its place among the others'
-            if (
-                roller.name in assembly.thread.turns
-            ):  # passed, and run through on the way to another
+            if roller.name in assembly.thread.turns:  # it is passed elsewhere
                 told = "threading.entry in the place of threading.exit, or rollers in another order"
             yield (
                 f"the threaded strip would run {inside:.2g} m inside of roller {roller.name}. "
