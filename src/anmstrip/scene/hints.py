@@ -105,8 +105,15 @@ KEYS_OF_STAGES = {
         ("type", "kind", "analysis"),
         "[[stages]] steady = true, of stationary states; stages without it go through time",
     ),
+    "ramp": "nothing: what a stage gives changes evenly over its duration",
+    "hardening": "isotropic_hardening, or kinematic_hardening (Pa)",
+    **dict.fromkeys(
+        ("static", "static_coefficient"), "coefficient: it is the same at rest and in motion"
+    ),
+    "units": "nothing: all numbers are in SI units, lengths in m, stresses in Pa",
+    "format": "nothing: tables are CSV, fields VTK files",
 }
-"""Names of other programs for what a stage gives the strip, and what to type instead."""
+"""Names of other programs, in any table, and what to type instead."""
 
 KEYS_OF_ENDS = {
     end: f"[[stages]] {end}.tension = 5000.0 (N/m), or {end}.speed, of what pulls there; "
@@ -231,8 +238,8 @@ def key_like(key: str, value: object, known: Iterable[str]) -> str | None:
     ('thickness = 0.0007', 'radius = 0.305')
     >>> key_like("tension_min", 5e3, ["tension"])
     """
-    if isinstance(value, list) and key.lower() in ("position", "location") and "centre" in known:
-        return f"centre = {value}"
+    if isinstance(value, list | dict):
+        return collection_like(key, value) if "centre" in known else None
     part, _, control = key.partition("_")
     base, _, unit = key.rpartition("_")
     if isinstance(value, str):
@@ -252,6 +259,19 @@ def key_like(key: str, value: object, known: Iterable[str]) -> str | None:
     if name == "every" and not isinstance(value, int):
         return "times = [0.5, 1.0]; or every = 10, of the steps"
     return f"{name} = {share * value:.6g}"
+
+
+def collection_like(key: str, value: list[object] | dict[str, object]) -> str | None:
+    """Return what to type for a list or a table in one of rollers; None if it is not known.
+
+    Examples
+    --------
+    >>> collection_like("position", [0.0, 0.0, -0.5])
+    'centre = [0.0, 0.0, -0.5]'
+    """
+    if isinstance(value, dict):
+        return f'[[rollers]] and below it name = "{key}" and its keys, in place of [rollers.{key}]'
+    return f"centre = {value}" if key.lower() in ("position", "location") else None
 
 
 def key_elsewhere(key: str, known: Iterable[str]) -> str | None:

@@ -30,6 +30,7 @@ from anmstrip.scene import tables as scene_tables
 from anmstrip.scene.checks import DRIVES, KEY_RULES, check_scene
 from anmstrip.scene.tables import (
     EDGE_NAMES,
+    ENDS,
     LARGEST_NUMBER,
     SMALLEST_NUMBER,
     STAGE_KEYS,
@@ -639,13 +640,17 @@ def better_value(kind: str, value: Any, place: Place, data: Mapping[str, Any]) -
 def more_than_number(kind: str, value: float, place: Place, data: Mapping[str, Any]) -> str | None:
     """Return what was presumably meant by a number where none is expected; None if not likely.
 
-    That of a crown is what the roller is thinner by at the edges of the strip.
+    That of a crown is what the roller is thinner by at the edges of the strip, that of a force
+    pulls at an end.
     """
     strip = data.get("strip")
     width = strip.get("width") if isinstance(strip, Mapping) else None
     if place.name == "crown" and hints.is_number(width) and width > 0.0:
         told = f"of a roller thinner by {value:g} m in radius at the edges of the strip"
         return f"[0.0, {-4.0 * value / width**2:.3g}], {told}"
+    if place.name == "force" and place.keys[-2] in ENDS:
+        outwards = value if place.keys[-2] == "exit" else -value
+        return f"[{outwards:g}, 0.0, 0.0], or tension = {value:g} along the strip"
     if place.name == "friction" and kind.startswith("bool"):
         return f"true, with coefficient = {value:g} in [friction], for the whole run"
     if place.name == "rollers" and place.keys[-1] != "rollers":
