@@ -19,7 +19,6 @@ from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.mechanics.shell import Membrane
 from anmstrip.results.state import State
-from anmstrip.timestepping.formulas import Memory
 from harness import Cell, Report, Sheet, main
 
 TOLERANCES = tuple(10.0**-k for k in range(3, 8))
@@ -156,8 +155,7 @@ class Solved:
         found = cls(run, [], [])
         for step in run:
             found.states.append(step.state)
-            memory = step.past if isinstance(step.past, Memory) else None
-            found.told.append(run.budget.of_solver(step.state, memory).get("membrane_force"))
+            found.told.append(run.budget.of_solver(step.state, run.march).get("membrane_force"))
         if not run.outcome.done:
             raise RuntimeError(run.message)
         return found
