@@ -425,14 +425,15 @@ class Budget:
                 moved = march.newton_correction(state)
             except (SingularTangentError, MemoryError):
                 return {}
-        found = {"position": float(np.abs(moved[state.plan.model.value_unknowns]).max())}
-        if (flow := state.plasticity) is not None and flow.operator.flows:
-            forces, _ = flow.resultant_changes(state.full, moved)
-        elif state.membrane is not None:
-            forces = state.membrane.change(state.full, moved, state.controls)
-        else:
-            return found
-        found["membrane_force"] = float(np.abs(forces).max())
+        with march.cost.timed("errors of states"):
+            found = {"position": float(np.abs(moved[state.plan.model.value_unknowns]).max())}
+            if (flow := state.plasticity) is not None and flow.operator.flows:
+                forces, _ = flow.resultant_changes(state.full, moved)
+            elif state.membrane is not None:
+                forces = state.membrane.change(state.full, moved, state.controls)
+            else:
+                return found
+            found["membrane_force"] = float(np.abs(forces).max())
         return found
 
     def finer_problem(self, finer: Halved, state: State, released: Collection[str]) -> StageProblem:

@@ -149,12 +149,6 @@ def unpack(run: Run, arrays: Mapping[str, Array], facts: Mapping[str, Any]) -> N
         march.memory = Memory(*past, facts["next_step"], facts["time_order"], errors)
 
 
-def errors_of(budget: Budget, march: March, state: State) -> dict[str, float]:
-    """Return what the solver makes a state wrong by that is about to be written."""
-    with march.cost.timed("errors of states"):
-        return budget.of_solver(state, march)
-
-
 def doubled_in_length(state: State) -> bool:
     """Return whether tension has stretched strip by its own length, for which no law is meant."""
     if state.membrane is None:
@@ -300,7 +294,7 @@ class Run:
             self.onsets = WrinkleWatch(self.cost)
         self.recorder: Recorder | None = None
         if self.directory is not None:
-            errors = partial(errors_of, self.budget, self.march)
+            errors = partial(self.budget.of_solver, march=self.march)
             self.recorder = Recorder(a, self.directory, errors, resumed)
 
     def forewarnings(self) -> list[str]:

@@ -95,7 +95,7 @@ NO_CONTROLS = {
 }
 """What a stage does not change of a roller, and what to type instead."""
 
-KEYS_OF_STAGES = {
+KEYS_ANYWHERE = {
     **dict.fromkeys(
         ("weight", "self_weight"), "[[stages]] gravity = [0.0, 0.0, -9.81], with material.density"
     ),
@@ -286,7 +286,7 @@ def key_elsewhere(key: str, known: Iterable[str]) -> str | None:
         (NO_CONTROLS, "surface_speed"),
         (FOREIGN_KEYS, "radius"),
         (KEYS_OF_ENDS, "stages"),
-        (KEYS_OF_STAGES, None),
+        (KEYS_ANYWHERE, None),
     )
     return next((t[key] for t, of in tables if key in t and (of is None or of in known)), None)
 

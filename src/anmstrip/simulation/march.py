@@ -354,7 +354,8 @@ class March:
         point = state.full[free], state.control, order
         series, factors = linearised(equations, *point, self.solver, self.cost)
         equations.ahead = (*point, series, factors)
-        moved[free] = factors.solve(series.residual)
+        with self.cost.timed("back-substitution"):
+            moved[free] = factors.solve(series.residual)
         return moved
 
     def finish(self, stage: StageSpec, plan: StageProblem) -> None:
